@@ -1,0 +1,1 @@
+"""From measurements to factors: odometry, LiDAR, WiFi, and the closures they propose."""

@@ -1,0 +1,245 @@
+"""What the pipeline believes and decides, as it happens: frozen values for whoever logs, publishes or draws.
+
+Arrays in events are never changed after they are handed out.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.measurements import Sensor
+
+Floats = NDArray[np.float64]
+
+
+class State(StrEnum):
+    """How far the pose can be trusted."""
+
+    TRACKING = "TRACKING"
+    UNCERTAIN = "UNCERTAIN"
+    LOST = "LOST"
+
+
+class DropReason(StrEnum):
+    """Why a measurement was not used."""
+
+    UNDECODABLE = "undecodable"
+    NON_FINITE = "non_finite"
+    DUPLICATE = "duplicate"
+    STAMP_BACK = "stamp_jumped_back"
+    NO_RETURN = "no_return"
+    NO_READINGS = "no_readings"
+    MALFORMED_BSSID = "malformed_bssid"
+    ABSURD_RSSI = "absurd_rssi"
+    NO_POSE = "no_pose"
+    NO_TRANSFORM = "no_transform"
+    TOO_LATE = "too_late"
+    IMPLAUSIBLE_MOTION = "implausible_motion"
+    SENSOR_OFF = "sensor_off"
+
+
+class ClosureKind(StrEnum):
+    """The sensor whose pose became the factor."""
+
+    WIFI = "wifi"
+    LIDAR = "lidar"
+
+
+class Verdict(StrEnum):
+    """What became of a loop candidate."""
+
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+    REMOVED = "removed"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePublished:
+    """The pose as published for one odometry message (one scan, where there is no odometry).
+
+    `T_odom_base` is the raw odometry; `covariance` is (3, 3) in (x, y, theta) of `map`, m and rad.
+    """
+
+    stamp_ns: int
+    T_map_base: Pose2
+    T_map_odom: Pose2
+    T_odom_base: Pose2
+    covariance: Floats
+    state: State
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyframeAdded:
+    """A keyframe entered the graph. `points` (n, 2) float32 m in base_link, empty without a scan.
+
+    `inlier_ratio` is that of its scan matching, NaN where there was none.
+    """
+
+    keyframe: int
+    stamp_ns: int
+    T_map_base: Pose2
+    points: NDArray[np.float32]
+    inlier_ratio: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubmapMatched:
+    """One scan matching against the local submap, before and after; points (n, 2) m, `submap` in `map`."""
+
+    stamp_ns: int
+    keyframe: int
+    submap: Floats
+    T_map_guess: Pose2
+    T_map_base: Pose2
+    inlier_ratio: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FingerprintAdded:
+    """A WiFi scan found its place: `similarity` (m,) of this fingerprint to the earlier ones `similar_to` (m,).
+
+    The place is `T_keyframe_base` (m, rad) in the frame of `keyframe`.
+    """
+
+    fingerprint: int
+    stamp_ns: int
+    receiver: str
+    keyframe: int
+    T_keyframe_base: Pose2
+    bssids: tuple[str, ...]
+    rssi: NDArray[np.float32]
+    similar_to: NDArray[np.int64]
+    similarity: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SequenceMatched:
+    """The two sequences of a WiFi candidate: (n, 2) m `points_a` and `points_b` (in `map`, as believed then), paired row by row."""
+
+    stamp_ns: int
+    keyframe_a: int
+    keyframe_b: int
+    points_a: Floats
+    points_b: Floats
+    residual_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CheckDone:
+    """The bounded check of a candidate: `scan` (n, 2) m in base_link of b, `submap` (m, 2) m in base_link of a.
+
+    `T_a_b_guess` is before, `T_a_b` after; `second_peak` is the runner-up's score over the best's.
+    """
+
+    stamp_ns: int
+    keyframe_a: int
+    keyframe_b: int
+    scan: Floats
+    submap: Floats
+    T_a_b_guess: Pose2
+    T_a_b: Pose2
+    inlier_ratio: float
+    second_peak: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosureJudged:
+    """The verdict on a loop candidate between keyframes a (earlier) and b; one row of closures.csv.
+
+    `covariance` is (3, 3) of T_a_b in (x, y, theta) of a, m and rad; `heading_claimed` False leaves theta unsaid.
+    `closure` numbers candidates from 0; a REMOVED verdict repeats the number of the ACCEPTED one it takes back.
+    """
+
+    closure: int
+    stamp_a_ns: int
+    stamp_b_ns: int
+    keyframe_a: int
+    keyframe_b: int
+    kind: ClosureKind
+    proposed_by: str
+    similarity: float
+    residual_m: float
+    inlier_ratio: float
+    T_a_b: Pose2
+    covariance: Floats
+    heading_claimed: bool
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraphUpdated:
+    """After an update: `poses` (n, 3) of all keyframes in `map`, or None where only the newest was added."""
+
+    stamp_ns: int
+    keyframe: int
+    poses: Floats | None
+    factors_added: int
+    factors_removed: int
+    factors: int
+    residual: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationUpdated:
+    """The wheels' calibration: (4,) scale of distance, scale of turning, bias rad/m, bias rad/s, and their sigmas."""
+
+    stamp_ns: int
+    values: Floats
+    sigmas: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged:
+    """TRACKING, UNCERTAIN or LOST, and why."""
+
+    stamp_ns: int
+    state: State
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A measurement, or a reading of one, that was not used."""
+
+    sensor: Sensor
+    stamp_ns: int
+    reason: DropReason
+
+
+@dataclass(frozen=True, slots=True)
+class Warned:
+    """Something a person should know: it goes to the report and the log."""
+
+    stamp_ns: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridRedrawn:
+    """The occupancy grid: `occupancy` (rows, columns) float32 in [0, 1], 0.5 unknown, row 0 at `origin` (m in map)."""
+
+    stamp_ns: int
+    occupancy: NDArray[np.float32]
+    resolution_m: float
+    origin_xy_m: tuple[float, float]
+
+
+Event = (
+    PosePublished
+    | KeyframeAdded
+    | SubmapMatched
+    | FingerprintAdded
+    | SequenceMatched
+    | CheckDone
+    | ClosureJudged
+    | GraphUpdated
+    | CalibrationUpdated
+    | StateChanged
+    | Dropped
+    | Warned
+    | GridRedrawn
+)

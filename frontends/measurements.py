@@ -1,0 +1,98 @@
+"""What the sensors say, decoded and frozen. Every stamp is in integer nanoseconds, every angle in radians."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Pose2
+
+
+class Sensor(StrEnum):
+    """The five inputs, by the name of their default topic."""
+
+    ODOM = "odom"
+    SCAN = "scan"
+    POINTS = "points"
+    WIFI = "wifi"
+    TF_STATIC = "tf_static"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """Pose of `child_frame_id` (base_link) in `frame_id` (odom), as the wheels see it; not checked for finiteness.
+
+    `covariance` is (3, 3) in (x, y, theta), m and rad, or None where the message leaves it zero (unknown).
+    """
+
+    stamp_ns: int
+    pose: Pose2
+    covariance: NDArray[np.float64] | None = None
+    frame_id: str = "odom"
+    child_frame_id: str = "base_link"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserScan:
+    """One LiDAR sweep: `ranges` (n,) float32 in m, beam i at `angle_min + i * angle_increment`.
+
+    `stamp_ns` is the first beam's; beam i is `i * time_increment_s` later (0: unknown). Ranges that are not finite or
+    lie outside [range_min_m, range_max_m] are no return.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    ranges: NDArray[np.float32]
+    angle_min: float
+    angle_increment: float
+    range_min_m: float
+    range_max_m: float
+    time_increment_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointCloud:
+    """One 3D LiDAR sweep: `points` (n, 3) float32 in m in `frame_id`; rows that are not finite are no return."""
+
+    stamp_ns: int
+    frame_id: str
+    points: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WifiScan:
+    """One WiFi sweep of one `receiver`, ended at `stamp_ns`; all fields have one entry a reading.
+
+    `bssids` are lower-case colon hex, as received (not yet checked); `rssi` is (n,) float32 in dBm; `age_s` is (n,)
+    float32, the seconds between a reading and the stamp (0: unknown).
+    """
+
+    stamp_ns: int
+    receiver: str
+    bssids: tuple[str, ...]
+    rssi: NDArray[np.float32]
+    age_s: NDArray[np.float32]
+    ssids: tuple[str, ...] = ()
+    frequency_mhz: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StaticTransform:
+    """Pose of `child_frame_id` in `frame_id`: translation x, y, z (m) and rotation as a quaternion x, y, z, w."""
+
+    frame_id: str
+    child_frame_id: str
+    translation_xyz: tuple[float, float, float]
+    rotation_xyzw: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class StaticTransforms:
+    """The transforms of one /tf_static message."""
+
+    stamp_ns: int
+    transforms: tuple[StaticTransform, ...]
+
+
+Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms
