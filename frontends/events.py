@@ -9,18 +9,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.health import State
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import Sensor
 
 Floats = NDArray[np.float64]
-
-
-class State(StrEnum):
-    """How far the pose can be trusted."""
-
-    TRACKING = "TRACKING"
-    UNCERTAIN = "UNCERTAIN"
-    LOST = "LOST"
 
 
 class DropReason(StrEnum):
@@ -39,6 +32,7 @@ class DropReason(StrEnum):
     TOO_LATE = "too_late"
     IMPLAUSIBLE_MOTION = "implausible_motion"
     SENSOR_OFF = "sensor_off"
+    UNSUPPORTED = "unsupported"
 
 
 class ClosureKind(StrEnum):

@@ -1,0 +1,40 @@
+"""How far the pose can be trusted: a first honest word, from its covariance."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats
+
+
+class State(StrEnum):
+    """How far the pose can be trusted."""
+
+    TRACKING = "TRACKING"
+    UNCERTAIN = "UNCERTAIN"
+    LOST = "LOST"
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """A state and the reason for it."""
+
+    state: State
+    reason: str
+
+
+def position_sigma(covariance: Floats) -> float:
+    """The standard deviation (m) along the worst direction of a (3, 3) pose covariance."""
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
+
+
+def judge_health(covariance: Floats, uncertain_sigma_m: float, lost_sigma_m: float) -> Health:
+    """The state that a pose of this (3, 3) covariance in `map` deserves."""
+    sigma = position_sigma(covariance)
+    if not sigma < lost_sigma_m:
+        return Health(State.LOST, f"position known to {sigma:.1f} m, over {lost_sigma_m:g} m")
+    if sigma >= uncertain_sigma_m:
+        return Health(State.UNCERTAIN, f"position known to {sigma:.1f} m, over {uncertain_sigma_m:g} m")
+    return Health(State.TRACKING, f"position known to {sigma:.2f} m")

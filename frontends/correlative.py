@@ -1,0 +1,197 @@
+"""Where does a scan fit a submap? A search of a whole window of poses on a likelihood field, coarse to fine.
+
+Correlative scan matching after Olson (ICRA 2009), with the branch and bound of Hess et al. (Cartographer, ICRA 2016): a
+coarse cell's score is an upper bound of what any pose in it can reach. Bounded by the poses examined, never by time.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wayfi.backend.options import option
+from wayfi.backend.pose2 import Floats, Pose2
+
+BRANCH = 4  # fine cells along the side of a coarse one
+
+
+@dataclass(frozen=True)
+class CorrelativeConfig:
+    """Bounds of one search."""
+
+    cell_m: float = option(0.1, "m", "a scan's noise and the spacing of far beams; ICP refines to the centimetre")
+    angle_step: float = option(0.015, "rad", "0.15 m at 10 m, which the field's blur covers")
+    blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still speak for it")
+    points: int = option(200, "", "more points change the peak's place by less than a cell")
+    max_coarse_cells: int = option(600, "", "coarse cells opened before the search ends: bounds its cost")
+    peak_apart_m: float = option(0.6, "m", "nearer than this, two poses are one peak")
+    peak_apart_rad: float = option(0.2, "rad", "as above")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LikelihoodField:
+    """`fine` (rows, columns) float32 in [0, 1]: how well a point there agrees with the submap; `coarse` bounds it.
+
+    `coarse[r, c]` is the greatest value of `fine[r : r + BRANCH, c : c + BRANCH]`, at every fine cell.
+    """
+
+    fine: NDArray[np.float32]
+    coarse: NDArray[np.float32]
+    origin: Floats
+    cell_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The best pose found, its score in [0, 1], and the score of the best pose elsewhere in the window."""
+
+    pose: Pose2
+    score: float
+    second_score: float
+
+
+def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
+    """The likelihood field of a submap's `points` (n >= 1, 2) m."""
+    reach = math.ceil(3 * config.blur_m / config.cell_m)
+    low = points.min(axis=0) - (reach + 1) * config.cell_m
+    rows, columns = (int(n) + reach + 2 for n in (points.max(axis=0) - low) / config.cell_m)
+    fine = _splat(points, low, config.cell_m, rows, columns, reach, config.blur_m)
+    return LikelihoodField(fine, _pool(fine), low, config.cell_m)
+
+
+def search(
+    points: Floats, field: LikelihoodField, guess: Pose2, window_m: float, window_rad: float, config: CorrelativeConfig
+) -> Peak:
+    """The pose T_submap_scan within `window_m` (each axis) and `window_rad` of `guess` that `points` (n, 2) fit best."""
+    subset = points[:: max(1, len(points) // config.points)]
+    half_angles = math.ceil(window_rad / config.angle_step)
+    angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1)
+    half_cells = math.ceil(window_m / config.cell_m)
+    x, y, theta, score, second = _search(
+        np.ascontiguousarray(subset),
+        field.fine,
+        field.coarse,
+        field.origin,
+        field.cell_m,
+        guess.x,
+        guess.y,
+        angles,
+        half_cells,
+        config.max_coarse_cells,
+        config.peak_apart_m,
+        config.peak_apart_rad,
+    )
+    return Peak(Pose2.of((x, y, theta)), score, second)
+
+
+@njit(cache=True)
+def _splat(
+    points: Floats, origin: Floats, cell_m: float, rows: int, columns: int, reach: int, blur_m: float
+) -> NDArray[np.float32]:
+    field = np.zeros((rows, columns), np.float32)
+    for i in range(points.shape[0]):
+        px, py = (points[i, 0] - origin[0]) / cell_m, (points[i, 1] - origin[1]) / cell_m
+        r0, c0 = int(px), int(py)
+        for r in range(max(r0 - reach, 0), min(r0 + reach + 1, rows)):
+            for c in range(max(c0 - reach, 0), min(c0 + reach + 1, columns)):
+                d2 = ((r + 0.5 - px) ** 2 + (c + 0.5 - py) ** 2) * cell_m * cell_m
+                value = np.float32(np.exp(-0.5 * d2 / (blur_m * blur_m)))
+                if value > field[r, c]:
+                    field[r, c] = value
+    return field
+
+
+@njit(cache=True)
+def _pool(fine: NDArray[np.float32]) -> NDArray[np.float32]:
+    rows, columns = fine.shape
+    along = np.zeros_like(fine)
+    for r in range(rows):
+        for c in range(columns):
+            best = np.float32(0)
+            for k in range(c, min(c + BRANCH, columns)):
+                best = max(best, fine[r, k])
+            along[r, c] = best
+    pooled = np.zeros_like(fine)
+    for r in range(rows):
+        for c in range(columns):
+            best = np.float32(0)
+            for k in range(r, min(r + BRANCH, rows)):
+                best = max(best, along[k, c])
+            pooled[r, c] = best
+    return pooled
+
+
+@njit(cache=True)
+def _score(cells: NDArray[np.int64], field: NDArray[np.float32], dr: int, dc: int) -> float:
+    rows, columns = field.shape
+    total = 0.0
+    for i in range(cells.shape[0]):
+        r, c = cells[i, 0] + dr, cells[i, 1] + dc
+        if 0 <= r < rows and 0 <= c < columns:
+            total += field[r, c]
+    return total / cells.shape[0]
+
+
+@njit(cache=True)
+def _bound(cells: NDArray[np.int64], coarse: NDArray[np.float32], dr: int, dc: int) -> float:
+    rows, columns = coarse.shape
+    total = 0.0
+    for i in range(cells.shape[0]):
+        r, c = cells[i, 0] + dr, cells[i, 1] + dc
+        if -BRANCH < r < rows and -BRANCH < c < columns:
+            total += coarse[max(r, 0), max(c, 0)]
+    return total / cells.shape[0]
+
+
+@njit(cache=True)
+def _search(
+    points: Floats,
+    fine: NDArray[np.float32],
+    coarse: NDArray[np.float32],
+    origin: Floats,
+    cell_m: float,
+    x0: float,
+    y0: float,
+    angles: Floats,
+    half_cells: int,
+    max_coarse_cells: int,
+    apart_m: float,
+    apart_rad: float,
+) -> tuple[float, float, float, float, float]:
+    n, n_angles = points.shape[0], angles.shape[0]
+    cells = np.empty((n_angles, n, 2), np.int64)
+    for a in range(n_angles):
+        c, s = np.cos(angles[a]), np.sin(angles[a])
+        for i in range(n):
+            cells[a, i, 0] = int(np.floor((c * points[i, 0] - s * points[i, 1] + x0 - origin[0]) / cell_m))
+            cells[a, i, 1] = int(np.floor((s * points[i, 0] + c * points[i, 1] + y0 - origin[1]) / cell_m))
+    offsets = np.arange(-half_cells, half_cells + 1, BRANCH)
+    side = offsets.shape[0]
+    bounds = np.empty(n_angles * side * side)
+    for a in range(n_angles):
+        for i in range(side):
+            for j in range(side):
+                bounds[(a * side + i) * side + j] = _bound(cells[a], coarse, offsets[i], offsets[j])
+    order = np.argsort(-bounds, kind="mergesort")
+    best = (0, 0, 0)
+    best_score, second = -1.0, 0.0
+    for k in range(min(max_coarse_cells, order.shape[0])):
+        if bounds[order[k]] <= second:
+            break
+        a, rest = order[k] // (side * side), order[k] % (side * side)
+        for dr in range(offsets[rest // side], offsets[rest // side] + BRANCH):
+            for dc in range(offsets[rest % side], offsets[rest % side] + BRANCH):
+                score = _score(cells[a], fine, dr, dc)
+                near = (
+                    np.hypot(dr - best[1], dc - best[2]) * cell_m < apart_m
+                    and abs(angles[a] - angles[best[0]]) < apart_rad
+                )
+                if score > best_score:
+                    if not near:
+                        second = max(second, best_score)
+                    best, best_score = (a, dr, dc), score
+                elif not near:
+                    second = max(second, score)
+    return x0 + best[1] * cell_m, y0 + best[2] * cell_m, angles[best[0]], best_score, second

@@ -1,0 +1,53 @@
+"""The keyframes: where each stands on the driven path, and the scan it holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats, between_all
+from wayfi.frontends.laser_points import ScanPoints
+from wayfi.frontends.odometry import PathPoint
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyframe:
+    """A base pose kept in the graph. `scan` is None where the laser saw nothing, or where there is none."""
+
+    point: PathPoint
+    scan: ScanPoints | None
+
+
+class Keyframes:
+    """Keyframes 0, 1, ... in the order of the graph."""
+
+    def __init__(self) -> None:
+        self._keyframes: list[Keyframe] = []
+        self._paths = np.empty(64)
+
+    def __len__(self) -> int:
+        return len(self._keyframes)
+
+    def __getitem__(self, number: int) -> Keyframe:
+        return self._keyframes[number]
+
+    def append(self, keyframe: Keyframe) -> None:
+        """Add the next keyframe."""
+        if len(self) == len(self._paths):
+            self._paths = np.resize(self._paths, 2 * len(self._paths))
+        self._paths[len(self)] = keyframe.point.path_m
+        self._keyframes.append(keyframe)
+
+    @property
+    def paths_m(self) -> Floats:
+        """(n,) the path driven up to each keyframe."""
+        return self._paths[: len(self)]
+
+    def scans_around(
+        self, first: int, last: int, origin: Floats, poses: Floats
+    ) -> tuple[list[ScanPoints], Floats, NDArray[np.int64]]:
+        """Scans of keyframes first..last (last excluded), their (n, 3) poses in the frame at `origin`, their numbers."""
+        numbers = [k for k in range(max(first, 0), min(last, len(self))) if self[k].scan is not None]
+        scans = [scan for k in numbers if (scan := self[k].scan) is not None]
+        placed = between_all(origin, poses[numbers]) if numbers else np.empty((0, 3))
+        return scans, placed, np.array(numbers, np.int64)

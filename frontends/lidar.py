@@ -1,0 +1,109 @@
+"""Scan matching: each keyframe's scan against a submap of the ones before it, and submaps to check closures against."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wayfi.backend.options import option
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.correlative import CorrelativeConfig, build_field, search
+from wayfi.frontends.icp import IcpConfig, IcpResult, icp
+from wayfi.frontends.laser_points import ScanPoints
+from wayfi.frontends.point_index import PointIndex, build_index
+
+
+@dataclass(frozen=True)
+class TrustConfig:
+    """How the wheels' noise follows what scan matching finds wrong with them."""
+
+    initial: float = option(4.0, "1", "twice the configured sigmas: trust in wheels is earned")
+    memory: float = option(0.9, "", "of the last value: it follows in about ten keyframes")
+    most: float = option(200.0, "1", "one slip is not to switch the wheels off")
+    search_above: float = option(1.3, "1", "wheels worse than configured: search the window at every keyframe")
+
+
+@dataclass(frozen=True)
+class LidarConfig:
+    """Scans, the local submap, and when scan matching is believed."""
+
+    enabled: bool = option(True, "", "false runs on wheels and WiFi alone")
+    max_range_m: float = option(25.0, "m", "beyond it beams are too far apart to find walls again")
+    thinning_m: float = option(0.08, "m", "between kept points: walls stay walls, and ICP takes half the time")
+    normal_radius_m: float = option(0.2, "m", "neighbours that make a wall")
+    submap_keyframes: int = option(15, "", "8 m of path: long enough to average noise, short enough not to bend")
+    min_points: int = option(30, "", "fewer do not fix a pose")
+    min_inlier_ratio: float = option(0.5, "", "the paper: matching points at least half of the points")
+    search_below: float = option(0.75, "", "under this inlier ratio the guess may be wrong: search the window first")
+    cell_m: float = option(0.5, "m", "of the index that finds nearest points; the widest gate of ICP")
+    sigma_floor_m: float = option(0.004, "m", "errors of range, mount and time that all points of a scan share")
+    sigma_floor_rad: float = option(0.0015, "rad", "as above")
+    silent_m: float = option(2.0, "m", "path without a scan after which keyframes are made without one")
+    mount: list[float] = option([], "x m, y m, theta rad", "T_base_link_laser; empty: /tf_static gives it")
+    trust: TrustConfig = field(default_factory=TrustConfig)
+    icp: IcpConfig = field(default_factory=IcpConfig)
+    correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanMatch:
+    """A scan's pose in the submap's frame, with the (3, 3) covariance in that frame's axes, and how well it fits."""
+
+    T_submap_scan: Pose2
+    covariance: Floats
+    inlier_ratio: float
+    residual_m: float
+    searched: bool
+
+
+def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> PointIndex | None:
+    """The index of several scans at (n, 3) poses in the submap's frame; None if they hold no points."""
+    points, normals = [], []
+    for scan, pose in zip(scans, poses, strict=True):
+        T = Pose2.of(pose)
+        points.append(T.transform(scan.points))
+        normals.append(Pose2(0.0, 0.0, T.theta).transform(scan.normals))
+    if sum(map(len, points)) == 0:
+        return None
+    return build_index(np.concatenate(points), np.concatenate(normals), cell_m)
+
+
+def match_scan(
+    scan: ScanPoints,
+    submap: PointIndex,
+    guess: Pose2,
+    guess_covariance: Floats,
+    search_below: float,
+    config: LidarConfig,
+) -> ScanMatch:
+    """Match `scan` to `submap` from `guess`.
+
+    Where that leaves an inlier ratio under `search_below`, the window of `guess_covariance` is searched as well.
+    """
+    prior = np.linalg.inv(guess_covariance)
+    result = icp(scan.points, submap, guess, prior, config.icp)
+    searched = False
+    if result.inlier_ratio < search_below:
+        retry = _search_and_match(scan, submap, guess, guess_covariance, config)
+        if retry.inlier_ratio > result.inlier_ratio + 0.05:
+            result, searched = retry, True
+    return ScanMatch(
+        result.T_target_scan, match_covariance(result, config), result.inlier_ratio, result.residual_m, searched
+    )
+
+
+def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
+    """(3, 3) covariance of an ICP: what its Hessian does not see stays open (10 m, 1 rad), and a floor holds below."""
+    open_directions = np.diag([1e-2, 1e-2, 1.0])
+    floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
+    covariance = np.linalg.inv(result.information + open_directions) + floor
+    return 0.5 * (covariance + covariance.T)
+
+
+def _search_and_match(
+    scan: ScanPoints, submap: PointIndex, guess: Pose2, covariance: Floats, config: LidarConfig
+) -> IcpResult:
+    window_m = min(max(3 * math.sqrt(max(covariance[0, 0], covariance[1, 1])), 0.3), 1.0)
+    window_rad = min(max(3 * math.sqrt(covariance[2, 2]), 0.3), 1.0)
+    peak = search(scan.points, build_field(submap.points, config.correlative), guess, window_m, window_rad, config.correlative)
+    return icp(scan.points, submap, peak.pose, np.zeros((3, 3)), config.icp)

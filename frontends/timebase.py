@@ -1,0 +1,66 @@
+"""Stamps made monotone: single stamps that jump back are dropped, a clock that was set back shifts the time base."""
+
+from dataclasses import dataclass, field
+
+from wayfi.frontends.events import DropReason
+
+LASTING_JUMP_NS = 1_000_000_000
+LASTING_MESSAGES = 5
+
+
+@dataclass(slots=True)
+class _Stream:
+    last_ns: int
+    interval_ns: int = 0
+    back: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Stamped:
+    """A stamp on the time base (ns), or why the message is dropped; `shift_ns` is set when the time base was moved."""
+
+    stamp_ns: int
+    dropped: DropReason | None = None
+    shift_ns: int = 0
+
+
+class TimeBase:
+    """One offset for all sensors, since they share the robot's clock; order is kept for each stream by itself.
+
+    A clock set forward looks like a gap in the data, and is taken for one.
+    """
+
+    def __init__(self) -> None:
+        self.offset_ns = 0
+        self._streams: dict[str, _Stream] = {}
+
+    def accept(self, stream: str, stamp_ns: int) -> Stamped:
+        """The stamp of the next message of `stream`, in ns of the time base."""
+        known = self._streams.get(stream)
+        stamp_ns += self.offset_ns
+        if known is None:
+            self._streams[stream] = _Stream(stamp_ns)
+            return Stamped(stamp_ns)
+        if stamp_ns > known.last_ns:
+            known.interval_ns = stamp_ns - known.last_ns
+            known.last_ns = stamp_ns
+            known.back.clear()
+            return Stamped(stamp_ns)
+        if stamp_ns == known.last_ns:
+            return Stamped(stamp_ns, DropReason.DUPLICATE)
+        return self._jumped_back(known, stamp_ns)
+
+    def _jumped_back(self, stream: _Stream, stamp_ns: int) -> Stamped:
+        rising = not stream.back or stamp_ns > stream.back[-1]
+        if stream.last_ns - stamp_ns <= LASTING_JUMP_NS or not rising:
+            stream.back.clear()
+            return Stamped(stamp_ns, DropReason.STAMP_BACK)
+        stream.back.append(stamp_ns)
+        if len(stream.back) < LASTING_MESSAGES:
+            return Stamped(stamp_ns, DropReason.STAMP_BACK)
+        step = stream.back[-1] - stream.back[0]
+        shift_ns = stream.last_ns + max(stream.interval_ns, 1) + step - stamp_ns
+        self.offset_ns += shift_ns
+        stream.last_ns = stamp_ns + shift_ns
+        stream.back.clear()
+        return Stamped(stamp_ns + shift_ns, shift_ns=shift_ns)

@@ -1,0 +1,178 @@
+"""What is in a recording: topics, rates, gaps, time faults, and what of it a replay would use."""
+
+import math
+from array import array
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
+from wayfi.recordings.codec import decode
+from wayfi.recordings.codec_error import CodecError
+from wayfi.recordings.mcap_log import Record, open_recording
+from wayfi.recordings.messages import DEFAULT_TOPICS
+from wayfi.recordings.topics import Route, route
+
+Channel = tuple[str, str, str]
+_LARGEST_STAMP_NS = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class TimeFaults:
+    """How often a stamp jumps back, or repeats, from one message of a source to its next."""
+
+    jumps_back: int = 0
+    duplicates: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class TopicInspection:
+    """One topic. Stamps are the headers' where it is used, log times where not; None where there are none.
+
+    `undecodable` messages are counted but have no stamp. `rate_hz` is the median; `beams` is the usual number of
+    beams of a scan, or of points of a cloud.
+    """
+
+    topic: str
+    type_name: str
+    encoding: str
+    used: bool
+    why: str
+    count: int
+    undecodable: int
+    first_stamp_ns: int | None
+    last_stamp_ns: int | None
+    rate_hz: float | None
+    longest_gap_s: float | None
+    time_faults: TimeFaults
+    non_finite: int
+    receivers: tuple[str, ...]
+    bssids: int | None
+    beams: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """A whole recording; `usable` where it has odometry or scans to lead the way."""
+
+    path: str
+    duration_s: float
+    message_count: int
+    sha256: str
+    usable: bool
+    topics: tuple[TopicInspection, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """The same as plain values for JSON."""
+        return asdict(self)
+
+
+class _Tally:
+    """What the messages of one channel have been like so far."""
+
+    def __init__(self, channel: Channel, topic_route: Route) -> None:
+        self.channel = channel
+        self.route = topic_route
+        self.count = 0
+        self.undecodable = 0
+        self.non_finite = 0
+        self.stamps_ns: dict[str, array[int]] = {}
+        self.bssids: set[str] = set()
+        self.sizes: Counter[int] = Counter()
+
+    def add(self, record: Record) -> None:
+        self.count += 1
+        if self.route.sensor is None or self.route.encoding is None:
+            self._stamp("", min(record.log_time_ns, _LARGEST_STAMP_NS))
+            return
+        try:
+            self._take(decode(record.data, self.route.sensor, self.route.encoding))
+        except CodecError:
+            self.undecodable += 1
+
+    def _take(self, measurement: Measurement) -> None:
+        self._stamp(measurement.receiver if isinstance(measurement, WifiScan) else "", measurement.stamp_ns)
+        if isinstance(measurement, Odometry):
+            self.non_finite += not measurement.pose.is_finite()
+        elif isinstance(measurement, WifiScan):
+            self.bssids.update(measurement.bssids)
+        elif isinstance(measurement, LaserScan):
+            self.sizes[len(measurement.ranges)] += 1
+        elif isinstance(measurement, PointCloud):
+            self.sizes[len(measurement.points)] += 1
+
+    def inspection(self) -> TopicInspection:
+        topic, type_name, encoding = self.channel
+        stamps_ns = np.sort(np.array([stamp for stamps in self.stamps_ns.values() for stamp in stamps], dtype=np.int64))
+        steps_s = np.diff(stamps_ns) / 1e9
+        is_wifi = self.route.sensor is Sensor.WIFI
+        return TopicInspection(
+            topic=topic,
+            type_name=type_name,
+            encoding=encoding,
+            used=self.route.used,
+            why=self.route.why,
+            count=self.count,
+            undecodable=self.undecodable,
+            first_stamp_ns=int(stamps_ns[0]) if len(stamps_ns) else None,
+            last_stamp_ns=int(stamps_ns[-1]) if len(stamps_ns) else None,
+            rate_hz=_median_rate_hz(steps_s),
+            longest_gap_s=float(steps_s.max()) if len(steps_s) else None,
+            time_faults=self._time_faults(),
+            non_finite=self.non_finite,
+            receivers=tuple(sorted(self.stamps_ns)) if is_wifi else (),
+            bssids=len(self.bssids) if is_wifi else None,
+            beams=max(self.sizes, key=lambda size: (self.sizes[size], size)) if self.sizes else None,
+        )
+
+    def _stamp(self, source: str, stamp_ns: int) -> None:
+        self.stamps_ns.setdefault(source, array("q")).append(stamp_ns)
+
+    def _time_faults(self) -> TimeFaults:
+        if self.route.sensor in (None, Sensor.TF_STATIC):
+            return TimeFaults()
+        steps = [np.diff(np.array(stamps, dtype=np.int64)) for stamps in self.stamps_ns.values()]
+        return TimeFaults(
+            jumps_back=sum(int(np.count_nonzero(step < 0)) for step in steps),
+            duplicates=sum(int(np.count_nonzero(step == 0)) for step in steps),
+        )
+
+
+def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) -> Inspection:
+    """Reads the whole recording at `path` and says what is in it, given the sensors' `topics` (or the defaults).
+
+    Raises RecordingError where there is nothing to read.
+    """
+    recording = open_recording(path)
+    configured = DEFAULT_TOPICS if topics is None else topics
+    tallies: dict[Channel, _Tally] = {}
+    for record in recording:
+        channel = (record.topic, record.type_name, record.encoding)
+        if channel not in tallies:
+            tallies[channel] = _Tally(channel, route(*channel, configured))
+        tallies[channel].add(record)
+    found = tuple(tallies[channel].inspection() for channel in sorted(tallies))
+    return Inspection(
+        path=str(path),
+        duration_s=recording.duration_s,
+        message_count=sum(topic.count for topic in found),
+        sha256=recording.sha256(),
+        usable=any(_leads(tally) for tally in tallies.values()),
+        topics=found,
+        warnings=tuple(recording.warnings),
+    )
+
+
+def _leads(tally: _Tally) -> bool:
+    return tally.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and tally.undecodable < tally.count
+
+
+def _median_rate_hz(steps_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float | None:
+    """One over the median step; steps of nothing (duplicates, receivers in step) do not count."""
+    moving = steps_s[steps_s > 0.0]
+    rate_hz = 1.0 / float(np.median(moving)) if len(moving) else math.nan
+    return rate_hz if math.isfinite(rate_hz) else None

@@ -1,0 +1,90 @@
+"""The records of an MCAP file by their place, and the blocks that hold its messages."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Chunk, McapRecord
+from mcap.stream_reader import breakup_chunk
+
+from wayfi.backend.errors import WayfiError
+
+DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, MemoryError, OverflowError, OSError)
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_HEAD = struct.Struct("<BQ")
+_LARGEST_CHUNK_BYTES = 1 << 30
+
+
+class RecordingError(WayfiError):
+    """A recording that cannot be read at all, or cannot be written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One message of a recording: `data` in `encoding` ('cdr', 'json' or another) as logged at `log_time_ns`."""
+
+    topic: str
+    type_name: str
+    encoding: str
+    log_time_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """`length` bytes at `offset` of the file that hold messages, the first of them logged at `start_ns`."""
+
+    offset: int
+    length: int
+    start_ns: int
+    is_chunk: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The content of one top-level record: `length` bytes at `offset`."""
+
+    opcode: int
+    offset: int
+    length: int
+
+
+def places(file: BinaryIO) -> Iterator[Place]:
+    """The top-level records of `file`, up to the first that is not complete; `file` stands at each one's content."""
+    end = file.seek(0, 2)
+    offset = len(MAGIC)
+    while offset + RECORD_HEAD.size <= end:
+        file.seek(offset)
+        opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
+        offset += RECORD_HEAD.size
+        if opcode == 0 or offset + length > end:
+            return
+        yield Place(opcode, offset, length)
+        offset += length
+
+
+def read_bytes(path: Path, offset: int, length: int) -> bytes:
+    """`length` bytes at `offset` of the file at `path`. Raises one of DAMAGE where they are not there."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        data = file.read(length)
+    if len(data) < length:
+        raise EndOfFile("the file has become shorter")
+    return data
+
+
+def read_block(path: Path, block: Block) -> list[McapRecord]:
+    """The records in `block`, its checksum verified. Raises one of DAMAGE where it cannot be read."""
+    data = read_bytes(path, block.offset, block.length)
+    if not block.is_chunk:
+        return list(breakup_chunk(Chunk("", data, 0, 0, 0, len(data))))
+    chunk = Chunk.read(ReadDataStream(BytesIO(data)))
+    if chunk.uncompressed_size > _LARGEST_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
+    return list(breakup_chunk(chunk, validate_crc=True))

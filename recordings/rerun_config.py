@@ -1,0 +1,20 @@
+"""The `rerun` section of the configuration: what the Rerun log costs and where it is served."""
+
+from dataclasses import dataclass
+
+from wayfi.backend.options import option
+
+
+@dataclass(frozen=True)
+class RerunConfig:
+    """Section `rerun`: the picture of a run, in a file and live."""
+
+    enabled: bool = option(True, "", "the picture of a run is how it is understood; replay --no-rrd leaves it out")
+    port: int = option(9876, "", "the port a Rerun viewer connects to unless told otherwise; bound to 127.0.0.1")
+    server_memory_limit: str = option("256MiB", "", "what a viewer that joins late is shown; a car park takes 100 MB")
+    pose_hz: float = option(4.0, "Hz", "0.2 m between two pictures of the robot at walking pace")
+    scan_hz: float = option(1.0, "Hz", "the current scan and the local submap: a keyframe a second at walking pace")
+    wifi_hz: float = option(0.5, "Hz", "a bar chart costs 1 ms; a phone scans every two seconds")
+    grid_cells_per_s: float = option(1e5, "cells/s", "a grid of 2.4 million cells every 24 s: the log stays linear")
+    scan_points: int = option(400, "points", "enough to see the walls of one keyframe; 3 kB each")
+    submap_keyframes: int = option(10, "keyframes", "one frame to move in a correction; about 4 m of driving")

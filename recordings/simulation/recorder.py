@@ -1,0 +1,73 @@
+"""Simulated recordings: what the sensors of a simulated run say, as MCAP, beside the truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, Sensor, StaticTransforms, WifiScan
+from wayfi.recordings.codec import encode
+from wayfi.recordings.mcap_log import McapWriter
+from wayfi.recordings.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
+from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
+from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.topics import Encoding
+from wayfi.recordings.tum import write_tum
+
+_SENSOR_OF: dict[type[Measurement], Sensor] = {
+    StaticTransforms: Sensor.TF_STATIC,
+    Odometry: Sensor.ODOM,
+    LaserScan: Sensor.SCAN,
+    WifiScan: Sensor.WIFI,
+}
+
+
+def _ignore(fraction: float) -> None:
+    """The progress that nobody asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedRecording:
+    """Where a simulated recording is, and how much was driven and heard."""
+
+    recording: Path
+    truth: Path
+    duration_s: float
+    path_length_m: float
+    messages: int
+
+
+def simulate(
+    world: World,
+    out_dir: Path,
+    seed: int = 0,
+    minutes: float | None = None,
+    progress: Callable[[float], None] = _ignore,
+) -> SimulatedRecording:
+    """Writes recording.mcap and truth.tum, of base_link at each odometry stamp, into `out_dir`; made if need be.
+
+    The drive through `world` is cut after `minutes` (None: full length). The same `world`, `seed` and `minutes` give
+    the same bytes. `progress` is called with the fraction done, 0 to 1, once a simulated second.
+    """
+    run = start(world, seed, minutes)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    recording, truth = out_dir / "recording.mcap", out_dir / "truth.tum"
+    write_tum(truth, run.truth.stamps_ns, run.truth.poses)
+    messages = _write(run, recording, progress)
+    return SimulatedRecording(recording, truth, run.length_ns / 1e9, float(run.truth.path_m()[-1]), messages)
+
+
+def _write(run: Run, path: Path, progress: Callable[[float], None]) -> int:
+    """Writes every measurement of `run` to `path` and counts them."""
+    count, next_report_ns = 0, EPOCH_NS
+    with McapWriter(path) as writer:
+        for measurement in measurements(run):
+            sensor = _SENSOR_OF[type(measurement)]
+            writer.write(
+                DEFAULT_TOPICS[sensor], TYPE_OF_SENSOR[sensor], Encoding.CDR, measurement.stamp_ns, encode(measurement)
+            )
+            count += 1
+            if measurement.stamp_ns >= next_report_ns:
+                progress((measurement.stamp_ns - EPOCH_NS) / run.length_ns)
+                next_report_ns += 1_000_000_000
+    progress(1.0)
+    return count

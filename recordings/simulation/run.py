@@ -1,0 +1,124 @@
+"""One simulated run: a world, a drive through it, and everything the sensors say, in order of time.
+
+Every part draws from a random stream of its own, so that a change to one sensor leaves the others as they were.
+"""
+
+import heapq
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from wayfi.backend.pose2 import Pose2, compose_all
+from wayfi.backend.trajectory import Trajectory
+from wayfi.frontends.measurements import (
+    LaserScan,
+    Measurement,
+    Odometry,
+    StaticTransform,
+    StaticTransforms,
+    WifiScan,
+)
+from wayfi.recordings.simulation import laser, radio, wheels
+from wayfi.recordings.simulation.drive import Drive, drive
+from wayfi.recordings.simulation.surfaces import Surfaces
+from wayfi.recordings.simulation.worlds import BLUEPRINTS, World
+
+EPOCH_NS = 1_700_000_000_000_000_000
+ODOM_PERIOD_NS = 100_000_000
+SCAN_PERIOD_NS, SCAN_DELAY_NS = 100_000_000, 30_000_000
+WIFI_PERIOD_NS, WIFI_DELAYS_NS = 2_000_000_000, (70_000_000, 1_070_000_000)
+T_BASE_LASER = Pose2(0.2, 0.0, 0.0)
+LASER_HEIGHT_M = 0.25
+SCANS_AT_ONCE = 100
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What happens in the first `length_ns` of a drive; `truth` has base_link's pose at each odometry stamp."""
+
+    seed: int
+    length_ns: int
+    drive: Drive
+    surfaces: Surfaces
+    wheels: wheels.Wheels
+    ether: radio.Ether
+    phones: tuple[radio.Phone, ...]
+    truth: Trajectory
+
+
+def start(world: World, seed: int, minutes: float | None = None) -> Run:
+    """The run through `world` that `seed` gives, cut after `minutes` (None: all of it)."""
+    blueprint = BLUEPRINTS[world]
+    way = drive(blueprint.route, stream(seed, "drive"))
+    length_ns = int(min(way.duration_s, np.inf if minutes is None else minutes * 60) * 1e9)
+    stamps = EPOCH_NS + np.arange(0, length_ns + 1, ODOM_PERIOD_NS)
+    return Run(
+        seed,
+        length_ns,
+        way,
+        blueprint.surfaces(way, stream(seed, "surfaces")),
+        wheels.draw_wheels(stream(seed, "wheels")),
+        radio.draw_ether(blueprint.radio, way.duration_s, stream(seed, "ether")),
+        radio.draw_phones(stream(seed, "phones")),
+        Trajectory(stamps, way.poses(_seconds(stamps))),
+    )
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """The random numbers of the part `name`; other names' numbers are independent of them."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),)))
+
+
+def measurements(run: Run) -> Iterator[Measurement]:
+    """Everything the robot receives in `run`, by stamp."""
+    sensors: list[Iterator[Measurement]] = [_static_transforms(), odometry(run), scans(run), wifi_scans(run)]
+    return heapq.merge(*sensors, key=_stamp_ns)
+
+
+def odometry(run: Run) -> Iterator[Odometry]:
+    """What the wheels say."""
+    poses = wheels.odometry(run.truth.poses, ODOM_PERIOD_NS / 1e9, run.wheels, stream(run.seed, "odometry"))
+    for stamp_ns, pose in zip(run.truth.stamps_ns.tolist(), poses, strict=True):
+        yield Odometry(stamp_ns, Pose2.of(pose))
+
+
+def scans(run: Run) -> Iterator[LaserScan]:
+    """What the laser sees; a sweep takes no time."""
+    rng = stream(run.seed, "laser")
+    stamps = EPOCH_NS + np.arange(SCAN_DELAY_NS, run.length_ns + 1, SCAN_PERIOD_NS)
+    for first in range(0, len(stamps), SCANS_AT_ONCE):
+        batch = stamps[first : first + SCANS_AT_ONCE]
+        time_s = _seconds(batch)
+        poses = compose_all(run.drive.poses(time_s), T_BASE_LASER.array())
+        for stamp_ns, ranges in zip(batch.tolist(), laser.scans(run.surfaces, poses, time_s, rng), strict=True):
+            yield LaserScan(
+                stamp_ns, "laser", ranges, laser.ANGLE_MIN, laser.ANGLE_INCREMENT, laser.RANGE_MIN_M, laser.RANGE_MAX_M
+            )
+
+
+def wifi_scans(run: Run) -> Iterator[WifiScan]:
+    """What the phones hear, in turn."""
+    phones = zip(run.phones, WIFI_DELAYS_NS, strict=True)
+    return heapq.merge(*(_heard(run, phone, delay_ns) for phone, delay_ns in phones), key=_stamp_ns)
+
+
+def _heard(run: Run, phone: radio.Phone, delay_ns: int) -> Iterator[WifiScan]:
+    rng = stream(run.seed, phone.name)
+    for stamp_ns in range(EPOCH_NS + delay_ns, EPOCH_NS + run.length_ns + 1, WIFI_PERIOD_NS):
+        yield radio.hear(run.ether, phone, stamp_ns, (stamp_ns - EPOCH_NS) / 1e9, run.drive.poses, rng)
+
+
+def _stamp_ns(measurement: Measurement) -> int:
+    return measurement.stamp_ns
+
+
+def _seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Seconds into the drive."""
+    return np.asarray((stamps_ns - EPOCH_NS) / 1e9)
+
+
+def _static_transforms() -> Iterator[Measurement]:
+    place = (T_BASE_LASER.x, T_BASE_LASER.y, LASER_HEIGHT_M)
+    yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", "laser", place, (0.0, 0.0, 0.0, 1.0)),))

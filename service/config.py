@@ -1,0 +1,163 @@
+"""One frozen configuration: defaults < files < --set, unknown keys refused, saved with every run."""
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from wayfi.backend.errors import WayfiError
+from wayfi.backend.grid_map import MapConfig
+from wayfi.backend.options import option
+from wayfi.backend.pose_graph import BackendConfig
+from wayfi.frontends.closure import ClosureConfig
+from wayfi.frontends.lidar import LidarConfig
+from wayfi.frontends.odometry import OdometryConfig
+from wayfi.frontends.wifi import WifiConfig
+from wayfi.recordings.rerun_config import RerunConfig
+
+
+class ConfigError(WayfiError):
+    """A key that does not exist, a value that does not fit, or a file that is no TOML: exit 2."""
+
+
+@dataclass(frozen=True)
+class ZenohConfig:
+    """How the daemon meets the network."""
+
+    mode: str = option("peer", "peer|client|router", "a peer needs no router; several programs connect to it")
+    listen: list[str] = option(["tcp/127.0.0.1:7447"], "endpoints", "loopback: nothing listens beyond unless told to")
+    connect: list[str] = option([], "endpoints", "a router or peers to connect to; retried for ever")
+    prefix: str = option("", "", "in front of every key; one for each robot of a fleet")
+
+
+@dataclass(frozen=True)
+class RecordingConfig:
+    """Topics, and the daemon's directory."""
+
+    directory: str = option("wayfi_runs", "path", "one folder a run below the working directory")
+    odom: str = option("/odom", "topic", "REP 105's usual name")
+    scan: str = option("/scan", "topic", "as above")
+    points: str = option("/points", "topic", "as above")
+    wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
+    tf_static: str = option("/tf_static", "topic", "tf2's name")
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that can be set, by section."""
+
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    wifi: WifiConfig = field(default_factory=WifiConfig)
+    closure: ClosureConfig = field(default_factory=ClosureConfig)
+    backend: BackendConfig = field(default_factory=BackendConfig)
+    map: MapConfig = field(default_factory=MapConfig)
+    rerun: RerunConfig = field(default_factory=RerunConfig)
+    zenoh: ZenohConfig = field(default_factory=ZenohConfig)
+    recording: RecordingConfig = field(default_factory=RecordingConfig)
+
+
+_ADAPTER = TypeAdapter(Config)
+
+
+def load_config(files: Sequence[Path] = (), settings: Sequence[str] = ()) -> Config:
+    """The defaults, overridden by TOML `files` and then by `settings` (`section.key=VALUE`). Raises ConfigError."""
+    values: dict[str, Any] = {}
+    for path in files:
+        _merge(values, _read_toml(path))
+    for setting in settings:
+        _merge(values, _parse_setting(setting))
+    return config_of(values)
+
+
+def config_of(values: Mapping[str, Any]) -> Config:
+    """The configuration of a nested mapping, what it leaves out by default. Raises ConfigError."""
+    _refuse_unknown(values, Config, "")
+    try:
+        return _ADAPTER.validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"{where}: {first['msg']} (it is {first['input']!r}); see `wayfi config`") from None
+
+
+def config_toml(config: Config, explain: bool = False) -> str:
+    """The configuration as TOML; with `explain`, each value with its unit and the reason for its default."""
+    return "\n".join(_toml_lines(config, "", explain)).lstrip("\n") + "\n"
+
+
+def config_dict(config: Any) -> dict[str, Any]:  # noqa: ANN401 - any section
+    """The configuration as nested mappings."""
+    return {
+        f.name: config_dict(value) if is_dataclass(value := getattr(config, f.name)) else value for f in fields(config)
+    }
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: is no TOML: {error}") from None
+
+
+def _parse_setting(setting: str) -> dict[str, Any]:
+    key, equals, text = setting.partition("=")
+    parts = key.strip().split(".")
+    if not equals or len(parts) < 2 or not all(parts):
+        raise ConfigError(f"--set {setting}: must read section.key=VALUE, for example lidar.enabled=false")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    for part in reversed(parts):
+        value = {part: value}
+    return dict(value)
+
+
+def _merge(into: dict[str, Any], other: Mapping[str, Any]) -> None:
+    for key, value in other.items():
+        if isinstance(value, Mapping) and isinstance(into.get(key), dict):
+            _merge(into[key], value)
+        else:
+            into[key] = dict(value) if isinstance(value, Mapping) else value
+
+
+def _refuse_unknown(values: Mapping[str, Any], section: type, path: str) -> None:
+    known = {f.name: f for f in fields(section)}
+    for key, value in values.items():
+        if key not in known:
+            raise ConfigError(f"{path}{key}: there is no such key; {path or 'the top level '}has {', '.join(known)}")
+        inner = known[key].type
+        if isinstance(inner, type) and is_dataclass(inner):
+            if not isinstance(value, Mapping):
+                raise ConfigError(f"{path}{key}: is a section, and cannot be set to {value!r}")
+            _refuse_unknown(value, inner, f"{path}{key}.")
+
+
+def _toml_lines(section: Any, path: str, explain: bool) -> Iterator[str]:  # noqa: ANN401 - any section
+    inner = [f for f in fields(section) if is_dataclass(getattr(section, f.name))]
+    plain = [f for f in fields(section) if f not in inner]
+    if path and plain:
+        yield f"\n[{path}]"
+    for f in plain:
+        if explain:
+            unit = f" [{f.metadata['unit']}]" if f.metadata["unit"] else ""
+            yield f"#{unit} {f.metadata['why']}"
+        yield f"{f.name} = {_toml_value(getattr(section, f.name))}"
+    for f in inner:
+        yield from _toml_lines(getattr(section, f.name), f"{path}.{f.name}" if path else f.name, explain)
+
+
+def _toml_value(value: Any) -> str:  # noqa: ANN401 - any value of a section
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
+    return repr(value)

@@ -1,0 +1,243 @@
+"""The stream: process(measurement) -> [events]. A pure function of what it is fed; it reads no clock."""
+
+from collections import deque
+from collections.abc import Generator, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.grid_map import OccupancyGrid, build_grid
+from wayfi.backend.health import State
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose_graph import Factor
+from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.events import DropReason, Dropped, Event, GridRedrawn, PosePublished, Warned
+from wayfi.frontends.fingerprints import Readings, usable_readings
+from wayfi.frontends.laser_odometry import LaserOdometry
+from wayfi.frontends.laser_points import beam_points
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, StaticTransforms, WifiScan
+from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, keyframe_due
+from wayfi.frontends.timebase import TimeBase
+from wayfi.frontends.wifi import Fingerprint
+from wayfi.service.config import Config
+from wayfi.service.scan_intake import ScanIntake
+from wayfi.service.slam import Slam, Timer
+from wayfi.service.trajectory import Trajectories
+
+SECOND_NS = 1_000_000_000
+WIFI_WAIT_NS = 5 * SECOND_NS
+ODOMETRY_WAIT_NS = 2 * SECOND_NS  # of scans without odometry, after which the laser leads
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """The drive as it is believed at the end; stamps (n,), trajectories (n, 3), keyframes (k, 3), fingerprints (m, 3)."""
+
+    stamps_ns: NDArray[np.int64]
+    final: Floats
+    online: Floats
+    keyframe_poses: Floats
+    factors: dict[int, Factor]
+    calibration: WheelCalibration
+    grid: OccupancyGrid
+    fingerprints: list[Fingerprint]
+    fingerprint_poses: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _WaitingWifi:
+    """Usable readings, and the stamp at which they were taken rather than reported."""
+
+    stamp_ns: int
+    taken_ns: int
+    receiver: str
+    readings: Readings
+
+
+class Pipeline:
+    """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason."""
+
+    def __init__(self, config: Config, calibration: WheelCalibration | None = None, timer: Timer | None = None) -> None:
+        self._config = config
+        self._timer: Timer = timer or (lambda _: nullcontext())
+        self._time = TimeBase()
+        self._wheels = Wheels(config.odometry)
+        self._slam = Slam(config, calibration or calibration_prior(config.odometry), self._timer)
+        self._scans = ScanIntake(config.lidar)
+        self._wifi: deque[_WaitingWifi] = deque()
+        self._trajectories = Trajectories()
+        self._unled: list[tuple[int, LaserScan]] = []
+        self._laser_leads: LaserOdometry | None = None
+        self._last_scan_path_m = -np.inf
+        self._unmounted: set[str] = set()
+
+    def process(self, measurement: Measurement) -> list[Event]:
+        """Take one measurement; returns what became known by it, in order."""
+        match measurement:
+            case Odometry():
+                return list(self._odometry(measurement))
+            case LaserScan():
+                return list(self._scan(measurement))
+            case WifiScan():
+                return list(self._wifi_scan(measurement))
+            case StaticTransforms():
+                self._scans.take_transforms(measurement)
+                return []
+            case PointCloud():
+                return [Dropped(Sensor.POINTS, measurement.stamp_ns, DropReason.UNSUPPORTED)]
+
+    def finish(self) -> tuple[Result, list[Event]]:
+        """End the drive: what still waits is used or dropped, and the grid is drawn."""
+        events = list(self._lead_by_laser()) if self._unled and not self._trajectories else []
+        events += [Dropped(Sensor.WIFI, w.stamp_ns, DropReason.NO_POSE) for w in self._wifi]
+        slam = self._slam
+        with self._timer("map"):
+            grid = build_grid(slam.poses, slam.grid_scans, self._config.map)
+        stamp_ns = int(self._trajectories.stamps_ns()[-1]) if len(self._trajectories) else 0
+        events.append(
+            GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, (grid.origin_xy_m[0], grid.origin_xy_m[1]))
+        )
+        points = [slam.keyframes[k].point for k in range(len(slam.keyframes))]
+        calibration = slam.graph.calibration()
+        final = self._trajectories.final(points, slam.poses, calibration.values) if points else np.zeros((0, 3))
+        result = Result(
+            self._trajectories.stamps_ns(), final, self._trajectories.online(), slam.poses.copy(),
+            slam.graph.factors(), calibration, grid, slam.wifi.fingerprints, slam.fingerprint_poses(),
+        )  # fmt: skip
+        return result, events
+
+    def _odometry(self, m: Odometry) -> Iterator[Event]:
+        if not m.pose.is_finite():
+            yield Dropped(Sensor.ODOM, m.stamp_ns, DropReason.NON_FINITE)
+            return
+        stamp_ns = yield from self._stamp(Sensor.ODOM, Sensor.ODOM, m.stamp_ns)
+        if stamp_ns is None:
+            return
+        if self._laser_leads:
+            self._laser_leads = None
+            self._wheels.restart()
+            yield Warned(stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
+        self._unled, unled = [], self._unled
+        for scan_ns, scan in unled:
+            self._scans.wait(scan_ns, scan)
+        yield from self._advance(stamp_ns, m.pose)
+
+    def _advance(self, stamp_ns: int, T_odom_base: Pose2) -> Iterator[Event]:
+        """The robot has come to `T_odom_base`: use what waited for it, then publish where that is."""
+        if not self._wheels.advance(stamp_ns, T_odom_base):
+            yield Warned(stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
+        point = self._wheels.latest
+        assert point is not None
+        if len(self._slam.keyframes) == 0:
+            yield from self._slam.add_keyframe(point, None)
+        yield from self._use_scans()
+        yield from self._keyframe_without_scan(point)
+        yield from self._use_wifi()
+        yield self._publish(point, T_odom_base)
+
+    def _publish(self, point: PathPoint, T_odom_base: Pose2) -> PosePublished:
+        T_map_base, covariance = self._slam.pose_at(point)
+        self._trajectories.add(point, T_map_base)
+        state = self._slam.health.state if self._slam.health else State.TRACKING
+        T_map_odom = T_map_base @ T_odom_base.inverse()
+        return PosePublished(point.stamp_ns, T_map_base, T_map_odom, T_odom_base, covariance, state)
+
+    def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
+        silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m
+        if silent and keyframe_due(self._slam.motion_to(point), self._config.odometry):
+            yield from self._slam.add_keyframe(point, None)
+
+    def _scan(self, m: LaserScan) -> Iterator[Event]:
+        if not self._config.lidar.enabled:
+            yield Dropped(Sensor.SCAN, m.stamp_ns, DropReason.SENSOR_OFF)
+            return
+        stamp_ns = yield from self._stamp(Sensor.SCAN, Sensor.SCAN, m.stamp_ns)
+        if stamp_ns is None:
+            return
+        if len(beam_points(m, self._config.lidar.max_range_m)[0]) == 0:
+            yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN)
+            return
+        if self._wheels.latest is None or self._laser_leads:
+            self._unled.append((stamp_ns, m))
+            if self._laser_leads or stamp_ns - self._unled[0][0] >= ODOMETRY_WAIT_NS:
+                yield from self._lead_by_laser()
+            return
+        if crowded_out := self._scans.wait(stamp_ns, m):
+            yield Dropped(Sensor.SCAN, crowded_out.stamp_ns, DropReason.NO_POSE)
+        yield from self._use_scans()
+
+    def _lead_by_laser(self) -> Iterator[Event]:
+        """Without odometry, scan matching from scan to scan takes its place."""
+        if self._laser_leads is None:
+            self._laser_leads = LaserOdometry(self._config.lidar.max_range_m)
+            yield Warned(self._unled[0][0], "no odometry: the laser leads")
+        self._unled, unled = [], self._unled
+        for stamp_ns, scan in unled:
+            self._scans.wait(stamp_ns, scan)
+            yield from self._advance(stamp_ns, self._laser_leads.register(self._scans.points(scan)))
+
+    def _use_scans(self) -> Iterator[Event]:
+        for point, scan in self._scans.ready(self._wheels):
+            if point is None:
+                yield Dropped(Sensor.SCAN, scan.stamp_ns, DropReason.TOO_LATE)
+                continue
+            first = self._last_scan_path_m == -np.inf
+            self._last_scan_path_m = point.path_m
+            motion = self._slam.motion_to(point)
+            due = keyframe_due(motion, self._config.odometry, self._slam.keyframe_stretch())
+            if motion.seconds <= 0 or not (first or due):
+                continue
+            yield from self._warn_unmounted(scan)
+            with self._timer("scan_points"):
+                placed = self._scans.place(point, scan, self._wheels)
+            yield from self._slam.add_keyframe(point, placed)
+
+    def _warn_unmounted(self, scan: LaserScan) -> Iterator[Event]:
+        if scan.frame_id not in self._unmounted and not self._scans.knows(scan.frame_id):
+            self._unmounted.add(scan.frame_id)
+            text = f"no /tf_static says where {scan.frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"
+            yield Warned(scan.stamp_ns, text)
+
+    def _wifi_scan(self, m: WifiScan) -> Iterator[Event]:
+        if not self._config.wifi.enabled:
+            yield Dropped(Sensor.WIFI, m.stamp_ns, DropReason.SENSOR_OFF)
+            return
+        stamp_ns = yield from self._stamp(Sensor.WIFI, f"{Sensor.WIFI}:{m.receiver}", m.stamp_ns)
+        if stamp_ns is None:
+            return
+        readings = usable_readings(m)
+        for reason in readings.dropped:
+            yield Dropped(Sensor.WIFI, stamp_ns, reason)
+        if not readings.bssids:
+            yield Dropped(Sensor.WIFI, stamp_ns, DropReason.NO_READINGS)
+            return
+        taken_ns = stamp_ns - int(float(np.median(readings.age_s)) * SECOND_NS)
+        self._wifi.append(_WaitingWifi(stamp_ns, taken_ns, m.receiver, readings))
+        while self._wifi[0].stamp_ns < stamp_ns - WIFI_WAIT_NS:
+            yield Dropped(Sensor.WIFI, self._wifi.popleft().stamp_ns, DropReason.NO_POSE)
+        yield from self._use_wifi()
+
+    def _use_wifi(self) -> Iterator[Event]:
+        latest = self._wheels.latest
+        while latest and self._wifi and self._wifi[0].taken_ns <= latest.stamp_ns:
+            waiting = self._wifi.popleft()
+            first = self._slam.keyframes[0].point
+            early = waiting.taken_ns < first.stamp_ns <= waiting.taken_ns + WIFI_WAIT_NS
+            point = first if early else self._wheels.at(waiting.taken_ns)
+            if point is None:
+                yield Dropped(Sensor.WIFI, waiting.stamp_ns, DropReason.TOO_LATE)
+                continue
+            yield from self._slam.add_wifi(waiting.stamp_ns, waiting.receiver, point, waiting.readings)
+
+    def _stamp(self, sensor: Sensor, stream: str, stamp_ns: int) -> Generator[Event, None, int | None]:
+        """The stamp on the time base as the generator's return value; None if the message is dropped."""
+        stamped = self._time.accept(stream, stamp_ns)
+        if stamped.shift_ns:
+            text = f"the clock was set back: stamps are shifted by {self._time.offset_ns * 1e-9:+.3f} s from here on"
+            yield Warned(stamped.stamp_ns, text)
+        if stamped.dropped:
+            yield Dropped(sensor, stamped.stamp_ns, stamped.dropped)
+            return None
+        return stamped.stamp_ns

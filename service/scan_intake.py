@@ -1,0 +1,101 @@
+"""Laser scans on their way to a keyframe: they wait for the odometry that tells where they were taken."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.laser_points import ScanPoints, beam_points, normals_along, planar_mount, thin, to_base
+from wayfi.frontends.lidar import LidarConfig
+from wayfi.frontends.measurements import LaserScan, StaticTransforms
+from wayfi.frontends.odometry import PathPoint, Wheels
+
+NORMAL_REACH = 5
+WAITING_SCANS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedScan:
+    """A scan at its place on the path: thinned `points` with normals, and all `hits` (n, 2) float32 m in base_link."""
+
+    point: PathPoint
+    points: ScanPoints
+    hits: NDArray[np.float32]
+
+
+class ScanIntake:
+    """Knows where the laser is mounted and which scans still wait."""
+
+    def __init__(self, config: LidarConfig, base_frame: str = "base_link") -> None:
+        self._config = config
+        self._base_frame = base_frame
+        self._mounts: dict[str, tuple[Pose2, bool]] = {}
+        self._waiting: deque[tuple[int, LaserScan]] = deque()
+
+    def take_transforms(self, transforms: StaticTransforms) -> None:
+        """Learn where sensors are mounted on the base."""
+        for t in transforms.transforms:
+            if t.frame_id == self._base_frame and np.isfinite((*t.translation_xyz, *t.rotation_xyzw)).all():
+                self._mounts[t.child_frame_id] = planar_mount(t)
+
+    def knows(self, frame_id: str) -> bool:
+        """Whether the mount of a frame is known, from /tf_static or the configuration."""
+        return bool(self._config.mount) or frame_id in self._mounts or frame_id == self._base_frame
+
+    def wait(self, stamp_ns: int, scan: LaserScan) -> LaserScan | None:
+        """Queue a scan until the odometry has come so far; returns the one that had to make room, if any."""
+        self._waiting.append((stamp_ns, scan))
+        return self._waiting.popleft()[1] if len(self._waiting) > WAITING_SCANS else None
+
+    def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, LaserScan]]:
+        """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""
+        out: list[tuple[PathPoint | None, LaserScan]] = []
+        latest = wheels.latest
+        while latest and self._waiting and self._waiting[0][0] + sweep_ns(self._waiting[0][1]) <= latest.stamp_ns:
+            stamp_ns, scan = self._waiting.popleft()
+            out.append((wheels.at(stamp_ns), scan))
+        return out
+
+    def points(self, scan: LaserScan) -> Floats:
+        """(n, 2) points of a scan in base_link, m, as of one instant."""
+        mount, upside_down = self._mount(scan.frame_id)
+        return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
+
+    def place(self, point: PathPoint, scan: LaserScan, wheels: Wheels) -> PlacedScan | None:
+        """The scan's points in base_link at `point`; None if no beam returned."""
+        beams, points = beam_points(scan, self._config.max_range_m)
+        if len(points) == 0:
+            return None
+        mount, upside_down = self._mount(scan.frame_id)
+        points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, wheels))
+        origin = np.array([mount.x, mount.y])
+        normals = normals_along(points, origin, NORMAL_REACH, self._config.normal_radius_m)
+        kept = thin(points, self._config.thinning_m)
+        return PlacedScan(point, ScanPoints(points[kept], normals[kept], mount), points.astype(np.float32))
+
+    def _mount(self, frame_id: str) -> tuple[Pose2, bool]:
+        if self._config.mount:
+            return Pose2.of(self._config.mount), False
+        return self._mounts.get(frame_id, (Pose2(), False))
+
+
+def sweep_ns(scan: LaserScan) -> int:
+    """How long after its stamp the last beam of a scan was taken, ns; 0 where the message does not say."""
+    seconds = scan.time_increment_s * len(scan.ranges)
+    return int(seconds * 1e9) if 0 < seconds < 2.0 else 0
+
+
+def _sweep_motion(point: PathPoint, scan: LaserScan, beams: NDArray[np.int64], wheels: Wheels) -> Floats | None:
+    """(n, 3) motion of the base from the scan's stamp to each beam; None for a sweep that takes no time."""
+    duration = sweep_ns(scan)
+    end = wheels.at(point.stamp_ns + duration)
+    if duration == 0 or end is None:
+        return None
+    motion = point.T_path_base.between(end.T_path_base).array()
+    if not math.isfinite(float(motion.sum())):
+        return None
+    share: Floats = beams / max(len(scan.ranges), 1)
+    return share[:, None] * motion

@@ -1,0 +1,212 @@
+"""Keyframes, fingerprints and closures into one graph: what is believed of the drive."""
+
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.grid_map import GridScan
+from wayfi.backend.health import Health, judge_health
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all
+from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
+from wayfi.backend.pose_graph import Wheels as WheelFactor
+from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
+from wayfi.frontends.events import (
+    CalibrationUpdated,
+    ClosureJudged,
+    Event,
+    FingerprintAdded,
+    GraphUpdated,
+    KeyframeAdded,
+    StateChanged,
+    SubmapMatched,
+    Verdict,
+)
+from wayfi.frontends.fingerprints import Readings
+from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.loop_closer import LoopCloser
+from wayfi.frontends.odometry import PathPoint, wheel_covariance
+from wayfi.frontends.scan_tracker import ScanTracker, Tracked
+from wayfi.frontends.wifi import Fingerprint, Wifi
+from wayfi.service.config import Config
+from wayfi.service.scan_intake import PlacedScan
+
+CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
+SHOWN_SIMILARITIES = 50
+
+
+class Timer(Protocol):
+    """Times a stage; see service.timing."""
+
+    def __call__(self, stage: str) -> AbstractContextManager[None]:
+        """Time what runs inside."""
+        ...
+
+
+class Slam:
+    """The state of the estimation. Poses of keyframes are `poses` (n, 3) in `map`, as last updated."""
+
+    def __init__(self, config: Config, prior: WheelCalibration, timer: Timer) -> None:
+        self._config = config
+        self._timer = timer
+        self.graph = PoseGraph(config.backend, prior)
+        self.keyframes = Keyframes()
+        self.wifi = Wifi(config.wifi)
+        self.grid_scans: list[GridScan] = []
+        self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
+        self._closer = LoopCloser(self.graph, self.keyframes, prior, config.closure, config.lidar, config.wifi)
+        self._poses: Floats = np.zeros((64, 3))
+        self._calibration: Floats = prior.values
+        self._covariance: Floats = np.diag([1e-8, 1e-8, 1e-8])
+        self.health: Health | None = None
+
+    @property
+    def poses(self) -> Floats:
+        """(n, 3) poses of all keyframes in `map`."""
+        return self._poses[: len(self.keyframes)]
+
+    def motion_to(self, point: PathPoint) -> WheelMotion:
+        """What the wheels say of the way from the newest keyframe to `point`."""
+        return self.keyframes[len(self.keyframes) - 1].point.motion_to(point)
+
+    def keyframe_stretch(self) -> float:
+        """Keyframes stand closer where the wheels are found to be poor: a factor on their distance."""
+        return max(0.2, self._tracker.inflation**-0.5)
+
+    def pose_at(self, point: PathPoint) -> tuple[Pose2, Floats]:
+        """The pose in `map` at a point of the path, by the wheels from the newest keyframe, and its (3, 3) covariance."""
+        motion = self.motion_to(point)
+        step = motion.corrected(self._calibration)
+        T = Pose2.of(self.poses[-1]) @ step
+        lever = np.array([[1.0, 0.0, -(T.y - self.poses[-1, 1])], [0.0, 1.0, T.x - self.poses[-1, 0]], [0.0, 0.0, 1.0]])
+        turn = adjoint(Pose2(0.0, 0.0, self.poses[-1, 2]))
+        wheels = wheel_covariance(motion, self._config.odometry, self._tracker.inflation)
+        return T, lever @ self._covariance @ lever.T + turn @ wheels @ turn.T
+
+    def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
+        """A new keyframe at `point`, with its scan if there is one; closes loops from it."""
+        events: list[Event] = []
+        guess = Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._calibration) if len(self.keyframes) else Pose2()
+        number = self.graph.add_keyframe(guess)
+        tracked = self._connect(point, placed, number) if number else None
+        self._remember(point, placed, guess)
+        events.extend(self._update(point.stamp_ns, redraw=False))
+        T_map_base = Pose2.of(self.poses[-1])
+        ratio = tracked.match.inlier_ratio if tracked else np.nan
+        points = placed.points.points.astype(np.float32) if placed else np.empty((0, 2), np.float32)
+        events.insert(0, KeyframeAdded(number, point.stamp_ns, T_map_base, points, ratio))
+        if tracked:
+            before = Pose2.of(self.poses[-2])
+            submap = before.transform(tracked.submap)
+            events.append(SubmapMatched(point.stamp_ns, number, submap, guess, T_map_base, ratio))
+        with self._timer("closure"):
+            found = self._closer.close_by_estimate(number, point.stamp_ns, self.poses)
+        return events + self._settle(found, point.stamp_ns) + self._observe(point.stamp_ns)
+
+    def add_wifi(self, stamp_ns: int, receiver: str, point: PathPoint, readings: Readings) -> list[Event]:
+        """A WiFi scan taken at `point`; closes loops by the fingerprint that it completes."""
+        keyframe = len(self.keyframes) - 1
+        T = self.motion_to(point).corrected(self._calibration)
+        with self._timer("wifi"):
+            fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point.path_m, readings)
+            if fingerprint is None:
+                return []
+            similarity = self.wifi.similarity(fingerprint)
+            candidate = self.wifi.candidate(fingerprint, similarity, self.poses)
+        events: list[Event] = [_fingerprint_event(fingerprint, similarity)]
+        if candidate is not None:
+            with self._timer("closure"):
+                found = self._closer.close_by_wifi(candidate, stamp_ns, self.poses)
+            events += self._settle(found, stamp_ns)
+        return events
+
+    def fingerprint_poses(self) -> Floats:
+        """(m, 3) poses of all fingerprints in `map`."""
+        return self.wifi.places(self.poses)
+
+    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> Tracked | None:
+        """Factors from the newest keyframe to the one about to be added: the wheels', and the laser's if it sees."""
+        motion = self.motion_to(point)
+        tracked = None
+        if placed is not None:
+            with self._timer("scan_matching"):
+                guess = motion.corrected(self._calibration)
+                tracked = self._tracker.match(placed.points, motion, guess, self.poses)
+            if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
+                match = tracked.match
+                self.graph.add(Between(number - 1, number, match.T_submap_scan, match.covariance))
+        self.graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
+        return tracked
+
+    def _remember(self, point: PathPoint, placed: PlacedScan | None, guess: Pose2) -> None:
+        self.keyframes.append(Keyframe(point, placed.points if placed else None))
+        if len(self.keyframes) > len(self._poses):
+            self._poses = np.resize(self._poses, (2 * len(self._poses), 3))
+        self._poses[len(self.keyframes) - 1] = guess.array()
+        hits: NDArray[np.float32] = placed.hits if placed else np.empty((0, 2), np.float32)
+        sensor = placed.points.T_base_laser if placed else Pose2()
+        self.grid_scans.append(GridScan(hits, (sensor.x, sensor.y)))
+
+    def _settle(self, found: list[Event], stamp_ns: int) -> list[Event]:
+        """Update the graph after verdicts that changed it, and look whether the closures still hold."""
+        changed = any(isinstance(e, ClosureJudged) and e.verdict is not Verdict.REFUSED for e in found)
+        if not changed:
+            return found
+        events = found + self._update(stamp_ns, redraw=True)
+        taken_back = self._closer.review()
+        return events + (taken_back + self._update(stamp_ns, redraw=True) if taken_back else [])
+
+    def _update(self, stamp_ns: int, redraw: bool) -> list[Event]:
+        with self._timer("backend"):
+            summary: UpdateSummary = self.graph.update()
+            if redraw:
+                self._poses[: len(self.keyframes)] = self.graph.poses()
+            else:
+                self._refresh_recent()
+            self._calibration = self.graph.calibration_values()
+        number = len(self.keyframes) - 1
+        poses = self.poses.copy() if redraw else None
+        return [
+            GraphUpdated(
+                stamp_ns, number, poses, summary.added, summary.removed, summary.factors, self._step_residual(number)
+            )
+        ]
+
+    def _refresh_recent(self) -> None:
+        n = len(self.keyframes)
+        for k in range(max(0, n - self._config.lidar.submap_keyframes - 1), n):
+            self._poses[k] = self.graph.pose(k).array()
+
+    def _step_residual(self, number: int) -> float:
+        """How far (m) the estimate of the newest step is from what the calibrated wheels say."""
+        if number == 0:
+            return 0.0
+        motion = self.keyframes[number - 1].point.motion_to(self.keyframes[number].point)
+        step = between_all(self.poses[-2], self.poses[-1])[0]
+        expected = motion.corrected(self._calibration)
+        return float(np.hypot(step[0] - expected.x, step[1] - expected.y))
+
+    def _observe(self, stamp_ns: int) -> list[Event]:
+        """What the newest keyframe says of health and calibration."""
+        events: list[Event] = []
+        number = len(self.keyframes) - 1
+        with self._timer("backend"):
+            self._covariance = self.graph.covariance(number)
+            if number % CALIBRATION_EVERY == 0:
+                calibration = self.graph.calibration()
+                events.append(CalibrationUpdated(stamp_ns, calibration.values, calibration.sigmas))
+        backend = self._config.backend
+        health = judge_health(self._covariance, backend.uncertain_sigma_m, backend.lost_sigma_m)
+        if self.health is None or health.state is not self.health.state:
+            events.append(StateChanged(stamp_ns, health.state, health.reason))
+        self.health = health
+        return events
+
+
+def _fingerprint_event(f: Fingerprint, similarity: NDArray[np.float64]) -> FingerprintAdded:
+    shown = np.sort(np.argsort(-similarity, kind="stable")[:SHOWN_SIMILARITIES])
+    return FingerprintAdded(
+        f.number, f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.readings.bssids, f.readings.rssi, shown,
+        similarity[shown],
+    )  # fmt: skip

@@ -1,0 +1,83 @@
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from wayfi.backend.grid_map import MapConfig, OccupancyGrid
+from wayfi.recordings.files import write_bytes, write_text
+from wayfi.recordings.map_files import write_map
+
+CONFIG = MapConfig()
+
+
+def grid() -> OccupancyGrid:
+    log_odds = np.zeros((40, 60), np.float32)
+    log_odds[5:35, 5:55] = -2.0
+    log_odds[5, 5:55] = 3.5
+    return OccupancyGrid(log_odds, 0.05, (-1.25, 2.5))
+
+
+def map_server_reads(directory: Path) -> tuple[NDArray[np.int8], dict[str, str]]:
+    """Nav2's map_server (nav2_map_server/map_io.cpp, trinary): 100 occupied, 0 free, -1 unknown, row 0 lowest."""
+    lines = (directory / "map.yaml").read_text().splitlines()
+    keys = dict(line.split(": ", 1) for line in lines)
+    data = (directory / keys["image"]).read_bytes()
+    magic, size, deepest, pixels = data.split(b"\n", 3)
+    assert (magic, deepest) == (b"P5", b"255")
+    columns, rows = map(int, size.split())
+    occupancy = (255 - np.frombuffer(pixels, np.uint8).reshape(rows, columns).astype(float)) / 255
+    cells = np.full((rows, columns), -1, np.int8)
+    cells[occupancy > float(keys["occupied_thresh"])] = 100
+    cells[occupancy < float(keys["free_thresh"])] = 0
+    return cells[::-1], keys
+
+
+def test_map_server_reads_what_the_grid_says(tmp_path: Path) -> None:
+    write_map(tmp_path, grid(), CONFIG)
+    cells, keys = map_server_reads(tmp_path)
+    expected = np.full((40, 60), -1)
+    expected[5:35, 5:55] = 0
+    expected[5, 5:55] = 100
+    np.testing.assert_array_equal(cells, expected)
+    assert keys == {
+        "image": "map.pgm",
+        "mode": "trinary",
+        "resolution": "0.05",
+        "origin": "[-1.250000, 2.500000, 0.0]",
+        "negate": "0",
+        "occupied_thresh": "0.65",
+        "free_thresh": "0.25",
+    }
+
+
+def test_the_picture_is_a_png_of_bounded_size_with_and_without_a_path(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    large = OccupancyGrid(rng.choice([-2, 0, 3.5], (3000, 2500)).astype(np.float32), 0.05, (0.0, 0.0))
+    unknown = OccupancyGrid(np.zeros((40, 40), np.float32), 0.05, (0.0, 0.0))
+    for drawn, path in ((large, None), (grid(), np.array([[-1.0, 3.0], [0.0, 4.0]])), (unknown, np.empty((0, 2)))):
+        write_map(tmp_path, drawn, CONFIG, path)
+        picture = (tmp_path / "map.png").read_bytes()
+        assert picture.startswith(b"\x89PNG\r\n\x1a\n")
+        assert max(struct.unpack(">II", picture[16:24])) <= 1600
+
+
+def test_the_same_grid_gives_the_same_bytes(tmp_path: Path) -> None:
+    names = ("map.pgm", "map.yaml", "map.png")
+    write_map(tmp_path, grid(), CONFIG)
+    first = [(tmp_path / name).read_bytes() for name in names]
+    write_map(tmp_path, grid(), CONFIG)
+    assert first == [(tmp_path / name).read_bytes() for name in names]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_text(tmp_path / "a.txt", "old\n")
+
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        write_bytes(tmp_path / "a.txt", b"new\n")
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("a.txt", "old\n")]
