@@ -4,6 +4,7 @@ Nothing enters iSAM2 that could poison it: gtsam's update keeps a bad factor aft
 validated first, and the graph can be rebuilt at any time from what is kept here.
 """
 
+import math
 from dataclasses import dataclass
 
 import gtsam
@@ -26,6 +27,7 @@ class BackendConfig:
 
     relinearize_pose: float = option(0.05, "m or rad", "above this a linearisation point is off by more than closures are")
     relinearize_calibration: float = option(0.002, "1, rad/m or rad/s", "0.002 rad/m bends 20 m of path by 0.4 m")
+    leap_m: float = option(1.0, "m", "a closure further off than this leaves the basin of a Gauss-Newton step")
     updates_per_closure: int = option(2, "", "a second update relinearises what the first has moved")
     uncertain_sigma_m: float = option(1.0, "m", "above it the pose says which room, not where in it")
     lost_sigma_m: float = option(10.0, "m", "above it the pose says nothing of use to a planner")
@@ -79,6 +81,7 @@ class PoseGraph:
         self._queued_poses: dict[int, Pose2] = {}
         self._removed: list[int] = []
         self.keyframes = 0
+        self._good: Floats = np.zeros((1, 3))
         self._isam = self._fresh_isam()
 
     def add_keyframe(self, guess: Pose2) -> int:
@@ -107,7 +110,47 @@ class PoseGraph:
             self._removed.append(self._slots.pop(number))
 
     def update(self) -> UpdateSummary:
-        """Bring the estimate up to date with everything queued."""
+        """Bring the estimate up to date with everything queued.
+
+        iSAM2 takes Gauss-Newton steps, which leap when a closure is far off: then everything is optimised anew.
+        """
+        summary = UpdateSummary(len(self._queued), len(self._removed), len(self._factors))
+        closes = any(self._closes_loop(self._factors[n]) for n in self._queued)
+        if closes and max(self._disagreement(self._factors[n]) for n in self._queued) > self._config.leap_m:
+            self.rebuild(self.calibration_values(), self._start())
+            return summary
+        try:
+            self._step()
+            if closes or self._removed:
+                for _ in range(self._config.updates_per_closure - 1):
+                    self._isam.update()
+        except RuntimeError:
+            self.rebuild(self._prior.values, self._start())
+        self._queued, self._queued_poses, self._removed = [], {}, []
+        return summary
+
+    def rebuild(self, calibration: Floats, poses: Floats) -> None:
+        """Optimise everything anew from `poses` (n, 3) and `calibration` (4,); for leaving a wrong basin.
+
+        Levenberg-Marquardt, which does not leap; iSAM2 starts again at its solution.
+        """
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph.addPriorVector(CALIBRATION, self._prior.values, gtsam.noiseModel.Diagonal.Sigmas(self._prior.sigmas))
+        values.insert(CALIBRATION, calibration)
+        graph.add(_origin())
+        for keyframe, (x, y, theta) in enumerate(poses):
+            values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
+        for factor in self._factors.values():
+            graph.add(_gtsam_factor(factor))
+        solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+        self._isam = self._fresh_isam(np.asarray(solved.atVector(CALIBRATION)))
+        self._queued = list(self._factors)
+        self._slots, self._removed = {}, []
+        self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
+        self._step()
+        self._queued, self._queued_poses = [], {}
+
+    def _step(self) -> None:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for number in self._queued:
             graph.add(_gtsam_factor(self._factors[number]))
@@ -117,27 +160,35 @@ class PoseGraph:
                 graph.add(_origin())
         result = self._isam.update(graph, values, self._removed)
         self._slots.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
-        summary = UpdateSummary(len(self._queued), len(self._removed), len(self._factors))
-        if any(isinstance(self._factors[n], Between) and self._spans(n) for n in self._queued) or self._removed:
-            for _ in range(self._config.updates_per_closure - 1):
-                self._isam.update()
-        self._queued, self._queued_poses, self._removed = [], {}, []
-        return summary
+        if graph.size() != len(self._queued) or any(self._closes_loop(self._factors[n]) for n in self._queued):
+            self._good = self.poses()
 
-    def rebuild(self, calibration: Floats, poses: Floats) -> None:
-        """Linearise everything anew at `poses` (n, 3) and `calibration` (4,); for leaving a wrong basin."""
-        self._isam = self._fresh_isam(calibration)
-        self._queued = list(self._factors)
-        self._slots, self._removed = {}, []
-        self._queued_poses = {k: Pose2.of(pose) for k, pose in enumerate(poses)}
-        self.update()
+    def _start(self) -> Floats:
+        """(n, 3) where to start anew: the estimate after the last closure, and the guesses since, by the wheels."""
+        poses = list(self._good)
+        for factor in self._factors.values():
+            if isinstance(factor, Wheels) and factor.b == len(poses):
+                step = factor.motion.corrected(self._prior.values)
+                poses.append((Pose2.of(poses[-1]) @ step).array())
+        return np.array(poses)
+
+    def _disagreement(self, factor: Factor) -> float:
+        """How far (m) a closure is from the estimate, beyond three of its sigmas; 0 for a factor that closes no loop."""
+        if not self._closes_loop(factor):
+            return 0.0
+        assert isinstance(factor, Between)
+        apart = self.pose(factor.a).between(self.pose(factor.b)).distance(factor.T_a_b)
+        return apart - 3 * math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
+
+    @staticmethod
+    def _closes_loop(factor: Factor) -> bool:
+        return isinstance(factor, Between) and abs(factor.a - factor.b) > 1
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated now."""
         if keyframe in self._queued_poses:
             return self._queued_poses[keyframe]
-        pose = self._isam.calculateEstimatePose2(pose_key(keyframe))
-        return Pose2(pose.x(), pose.y(), pose.theta())
+        return _pose2(self._isam.calculateEstimatePose2(pose_key(keyframe)))
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`, as estimated now."""
@@ -173,10 +224,6 @@ class PoseGraph:
         """Every factor by its number, queued ones included."""
         return dict(self._factors)
 
-    def _spans(self, number: int) -> bool:
-        factor = self._factors[number]
-        return abs(factor.a - factor.b) > 1
-
     def _fresh_isam(self, calibration: Floats | None = None) -> gtsam.ISAM2:
         params = gtsam.ISAM2Params()
         thresholds = gtsam.ISAM2ThresholdMap()
@@ -205,6 +252,10 @@ class PoseGraph:
             raise FactorError(f"{name}: its covariance must be a symmetric 3 x 3 matrix")
         if np.linalg.eigvalsh(factor.covariance)[0] <= 0:
             raise FactorError(f"{name}: its covariance must be positive definite")
+
+
+def _pose2(pose: gtsam.Pose2) -> Pose2:
+    return Pose2(pose.x(), pose.y(), pose.theta())
 
 
 def _origin() -> gtsam.NonlinearFactor:

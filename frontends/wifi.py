@@ -34,7 +34,7 @@ class WifiConfig:
     alike_m: float = option(1.5, "m", "closures are to be good to this; similarity at this distance is the threshold")
     alike_quantile: float = option(0.4, "", "of the similarities at that distance: places differ in how fast they fade")
     learn_from: int = option(10, "", "pairs that must be seen before the threshold means anything")
-    candidate_every_m: float = option(1.0, "m", "candidates nearer to each other err together")
+    candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
     window: int = option(40, "fingerprints", "the paper's w = 80 single scans, which were 33 m; half a metre each here")
     neighbours: int = option(2, "", "the paper's k, its best in its table")
     max_residual_m: float = option(3.0, "m", "the paper's acceptance")

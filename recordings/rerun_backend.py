@@ -4,7 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
-from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublished, State, StateChanged, Verdict
+
+from wayfi.backend.health import State
+from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublished, StateChanged, Verdict
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_stream import Limiter, Stream
 from wayfi.recordings.rerun_style import ESTIMATE, ODOMETRY, STATE, VERDICT
@@ -17,7 +19,7 @@ class Backend:
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
-        self._sigma_limit = Limiter(config.pose_hz / 4)
+        self._sigma_limit = Limiter(config.pose_hz / 2)
         self._stages: set[str] = set()
         self._style()
 

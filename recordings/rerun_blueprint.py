@@ -1,5 +1,6 @@
 """The one layout that every log carries: the map at the left, the evidence at the right, the verdicts below."""
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 
@@ -11,7 +12,7 @@ def blueprint() -> rrb.Blueprint:
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="stamp"),
+        rrb.TimePanel(state="collapsed", timeline="stamp", play_state="following"),
         auto_layout=False,
         auto_views=False,
     )
@@ -22,7 +23,8 @@ def _map() -> rrb.View:
 
 
 def _log() -> rrb.View:
-    return rrb.TextLogView(origin="/log", name="Verdicts, state, warnings")
+    columns = rrb.TextLogColumns(timeline_columns=["keyframe"], text_log_columns=["loglevel", "body"])
+    return rrb.TextLogView(origin="/log", name="Verdicts, state, warnings", columns=columns)
 
 
 def _wifi() -> rrb.Container:
@@ -44,20 +46,26 @@ def _check() -> rrb.Container:
     )
     after = rrb.Spatial2DView(origin="/", contents=["/check/scans/submap", "/check/scans/after"], name="Check: after")
     result = rrb.TextDocumentView(origin="/check/result", name="Result")
-    ratio = rrb.TimeSeriesView(
-        origin="/check/inlier_ratio", name="Inlier ratio", axis_y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True)
+    ratio = _curves(
+        origin="/check/inlier_ratio", name="Inlier ratio", y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True)
     )
     return rrb.Horizontal(before, after, rrb.Vertical(ratio, result), name="Check")
 
 
 def _backend() -> rrb.Container:
-    factors = rrb.TimeSeriesView(origin="/backend/factors/in_and_out", name="Factors in and out")
-    residual = rrb.TimeSeriesView(origin="/backend/residual", name="Residual")
-    time = rrb.TimeSeriesView(origin="/backend/time", name="Time of a stage, ms")
-    sigma = rrb.TimeSeriesView(origin="/backend/sigma", name="One sigma of the pose")
-    total = rrb.TimeSeriesView(origin="/backend/factors/total", name="Factors in the graph")
-    calibration = rrb.TimeSeriesView(origin="/backend/calibration", name="Calibration")
+    factors = _curves(origin="/backend/factors/in_and_out", name="Factors in and out")
+    residual = _curves(origin="/backend/residual", name="Residual")
+    time = _curves(origin="/backend/time", name="Time of a stage, ms")
+    sigma = _curves(origin="/backend/sigma", name="One sigma of the pose")
+    total = _curves(origin="/backend/factors/total", name="Factors in the graph")
+    calibration = _curves(origin="/backend/calibration", name="Calibration")
     state = rrb.StateTimelineView(origin="/backend/state", name="State")
     return rrb.Horizontal(
         rrb.Tabs(residual, total, calibration), rrb.Tabs(factors, time, sigma), state, name="Back end"
     )
+
+
+def _curves(origin: str, name: str, y: rrb.ScalarAxis | None = None) -> rrb.View:
+    """Curves over the whole drive; by default only some seconds around the cursor are seen."""
+    whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=rrb.TimeAxis(view_range=whole), axis_y=y)

@@ -2,8 +2,10 @@
 
 import numpy as np
 import rerun as rr
+
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import CheckDone, KeyframeAdded
+from wayfi.recordings import rerun_arrows as arrows
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_stream import Stream, mirror, thinned
 from wayfi.recordings.rerun_style import GUESS, MATCHED, SUBMAP, ui
@@ -37,7 +39,7 @@ class Check:
             self._stream.log("/check/inlier_ratio/matching", rr.Scalars.from_fields(scalars=[event.inlier_ratio]))
 
     def _points(self, name: str, points: np.ndarray[tuple[int, int], np.dtype[np.floating]]) -> None:
-        self._stream.log(f"/check/scans/{name}", rr.Points2D.from_fields(positions=points.astype(np.float32)))
+        self._stream.log(f"/check/scans/{name}", rr.Points2D.from_fields(positions=arrows.points(points)))
 
 
 def _summary(event: CheckDone) -> str:

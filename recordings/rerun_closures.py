@@ -4,15 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
+
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import ClosureJudged, GraphUpdated, Verdict
+from wayfi.recordings import rerun_arrows as arrows
 from wayfi.recordings.rerun_config import RerunConfig
-from wayfi.recordings.rerun_poses import KeyframePoses
+from wayfi.recordings.rerun_poses import Poses
 from wayfi.recordings.rerun_stream import Stream, segments
 from wayfi.recordings.rerun_style import VERDICT, ui
 
 MOVED_M = 0.1
-WIDTH = {Verdict.ACCEPTED: 1.3, Verdict.REFUSED: 0.5, Verdict.REMOVED: 1.6}
+WIDTH = {Verdict.ACCEPTED: 1.3, Verdict.REFUSED: 0.4, Verdict.REMOVED: 1.6}
 ORDER = {Verdict.ACCEPTED: 6.0, Verdict.REFUSED: 5.0, Verdict.REMOVED: 7.0}
 
 Group = tuple[Verdict, int]
@@ -29,7 +31,7 @@ class _Lines:
 class Closures:
     """Draws `/map/closures/VERDICT/NNNN`, a few lines each, so that a change draws few of them anew."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: KeyframePoses) -> None:
+    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._submap_keyframes = config.submap_keyframes
         self._poses = poses
@@ -67,7 +69,7 @@ class Closures:
         lines = self._groups[group]
         lines.drawn = self._ends(lines)
         strips = segments(lines.drawn[:, :2], lines.drawn[:, 2:])
-        self._stream.log(_path(group), rr.LineStrips2D.from_fields(strips=strips))
+        self._stream.log(_path(group), rr.LineStrips2D.from_fields(strips=arrows.strips(strips)))
 
     def _style(self, group: Group) -> None:
         verdict = group[0]

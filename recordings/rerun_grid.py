@@ -3,6 +3,7 @@
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_stream import Stream

@@ -26,7 +26,7 @@ from wayfi.recordings.rerun_check import Check
 from wayfi.recordings.rerun_closures import Closures
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_grid import Grid
-from wayfi.recordings.rerun_poses import KeyframePoses
+from wayfi.recordings.rerun_poses import Poses
 from wayfi.recordings.rerun_robot import Robot
 from wayfi.recordings.rerun_scans import Scans
 from wayfi.recordings.rerun_stream import Stream, mirror
@@ -81,7 +81,7 @@ class RerunLog:
         self._stream = stream = Stream(recording_id)
         stream.open(config, path, serve, blueprint())
         stream.style("/map", mirror())
-        self._poses = KeyframePoses()
+        self._poses = Poses()
         self._text = TextLog(stream)
         self._grid = Grid(stream, config)
         self._backend = Backend(stream, config)

@@ -2,8 +2,11 @@
 
 import numpy as np
 import rerun as rr
+
+from wayfi.backend.health import State
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.events import KeyframeAdded, PosePublished, State
+from wayfi.frontends.events import KeyframeAdded, PosePublished
+from wayfi.recordings import rerun_arrows as arrows
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_stream import Limiter, Stream, frame
 from wayfi.recordings.rerun_style import ESTIMATE, ODOMETRY, STATE, ui
@@ -20,19 +23,19 @@ class Robot:
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
         self._pose_limit = Limiter(config.pose_hz)
-        self._ellipse_limit = Limiter(config.pose_hz / 4)
+        self._ellipse_limit = Limiter(config.pose_hz / 2)
         self._T_map_odom_first: Pose2 | None = None
-        self._raw: Pose2 | None = None
+        self._T_odom_base = Pose2()
         self._strip: list[tuple[float, float]] = []
         self._strips = -1
         self._state: State | None = None
         self._style()
 
     def on_pose(self, event: PosePublished) -> None:
-        """The robot moves; its ellipse a quarter as often."""
+        """The robot moves; its ellipse half as often."""
         if self._T_map_odom_first is None:
             self._T_map_odom_first = event.T_map_odom
-        self._raw = self._T_map_odom_first @ event.T_odom_base
+        self._T_odom_base = event.T_odom_base
         if self._pose_limit.passes(event.stamp_ns):
             self._stream.log("/map/robot", frame(event.T_map_base))
         if self._ellipse_limit.passes(event.stamp_ns) or event.state != self._state:
@@ -40,15 +43,16 @@ class Robot:
 
     def on_keyframe(self, event: KeyframeAdded) -> None:  # noqa: ARG002 - the moment is what counts
         """The path of raw odometry grows by one point."""
-        if self._raw is None:
+        if self._T_map_odom_first is None:
             return
+        raw = self._T_map_odom_first @ self._T_odom_base
         if len(self._strip) % ODOMETRY_STRIP == 0:
             self._strip = self._strip[-1:]
             self._strips += 1
             style = rr.LineStrips2D.from_fields(colors=[ODOMETRY], radii=[ui(1.0)], draw_order=4.0)
             self._stream.style(f"/map/odometry/{self._strips:04d}", style)
-        self._strip.append((self._raw.x, self._raw.y))
-        strip = rr.LineStrips2D.from_fields(strips=[np.array(self._strip, np.float32)])
+        self._strip.append((raw.x, raw.y))
+        strip = rr.LineStrips2D.from_fields(strips=arrows.strips([np.array(self._strip)]))
         self._stream.log(f"/map/odometry/{self._strips:04d}", strip)
 
     def _draw_ellipse(self, event: PosePublished) -> None:
@@ -57,7 +61,9 @@ class Robot:
         shape = np.eye(3)
         shape[:2, :2] = vectors * axes
         T = event.T_map_base
-        self._stream.log("/map/ellipse", rr.Transform3D.from_fields(translation=[T.x, T.y, 0.0], mat3x3=shape))
+        self._stream.log(
+            "/map/ellipse", rr.Transform3D.from_fields(translation=arrows.translation(T.x, T.y), mat3x3=shape)
+        )
         if event.state != self._state:
             self._state = event.state
             self._stream.log("/map/ellipse/outline", rr.LineStrips2D.from_fields(colors=[STATE[event.state]]))

@@ -1,6 +1,6 @@
 """A Rerun recording on the timelines `stamp` and `keyframe`, in a file, live, or both at once."""
 
-import math
+import socket
 import threading
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
+
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.recordings import rerun_arrows as arrows
 from wayfi.recordings.rerun_config import RerunConfig
 
 APPLICATION = "wayfi"
@@ -36,13 +38,13 @@ class Stream:
         sinks: list[Any] = [] if path is None else [rr.FileSink(path)]
         try:
             if serve:
+                _require_free(config.port)
                 limit = config.server_memory_limit
                 sinks.append(rr.GrpcServerSink(bind_ip="127.0.0.1", port=config.port, server_memory_limit=limit))
             self._recording.set_sinks(*sinks, default_blueprint=blueprint)
         except (OSError, RuntimeError, ValueError) as error:
-            raise LogError(
-                f"cannot write {path} or serve on 127.0.0.1:{config.port} ({error}): change --out or rerun.port"
-            ) from error
+            served = f", or serve it on 127.0.0.1:{config.port}" if serve else ""
+            raise LogError(f"cannot write the log {path}{served}: {error}: change --out or rerun.port") from error
 
     def log(self, path: str, *parts: rr.AsComponents) -> None:
         """What is so from now on at `path`."""
@@ -70,6 +72,13 @@ class Stream:
             self._set = now
 
 
+def _require_free(port: int) -> None:
+    """Raises OSError where somebody listens on `port`: Rerun itself would only print it."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(("127.0.0.1", port))
+
+
 class Limiter:
     """Lets something pass at most `hz` times a second of the recording's time."""
 
@@ -87,9 +96,7 @@ class Limiter:
 
 def frame(T: Pose2) -> rr.Transform3D:
     """The pose of a child entity in its parent's."""
-    half = T.theta / 2
-    turn = rr.Quaternion(xyzw=[0.0, 0.0, math.sin(half), math.cos(half)])
-    return rr.Transform3D.from_fields(translation=[T.x, T.y, 0.0], quaternion=turn)
+    return rr.Transform3D.from_fields(translation=arrows.translation(T.x, T.y), quaternion=arrows.heading(T.theta))
 
 
 def mirror() -> rr.Transform3D:

@@ -1,7 +1,9 @@
 """One colour and one width for each thing, in every view; made for a dark background."""
 
 import rerun as rr
-from wayfi.frontends.events import State, Verdict
+
+from wayfi.backend.health import State
+from wayfi.frontends.events import Verdict
 
 Color = tuple[int, int, int]
 
@@ -19,7 +21,7 @@ HERE: Color = (255, 255, 255)
 
 VERDICT: dict[Verdict, Color] = {
     Verdict.ACCEPTED: (70, 215, 110),
-    Verdict.REFUSED: (120, 58, 30),
+    Verdict.REFUSED: (100, 48, 26),
     Verdict.REMOVED: (190, 90, 255),
 }
 STATE: dict[State, Color] = {

@@ -4,7 +4,9 @@ from collections import Counter
 
 import numpy as np
 import rerun as rr
-from wayfi.frontends.events import ClosureJudged, Dropped, DropReason, State, StateChanged, Verdict, Warned
+
+from wayfi.backend.health import State
+from wayfi.frontends.events import ClosureJudged, Dropped, DropReason, StateChanged, Verdict, Warned
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.rerun_stream import Stream
 from wayfi.recordings.rerun_style import STATE, VERDICT, Color

@@ -1,14 +1,14 @@
 """What WiFi says: the APs heard, which earlier fingerprints are similar, and the two sequences of a candidate."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from wayfi.backend.pose2 import Floats, Pose2, compose_all
+
+from wayfi.backend.pose2 import Floats, compose_all
 from wayfi.frontends.events import FingerprintAdded, SequenceMatched
+from wayfi.recordings import rerun_arrows as arrows
 from wayfi.recordings.rerun_config import RerunConfig
-from wayfi.recordings.rerun_poses import KeyframePoses
+from wayfi.recordings.rerun_poses import Poses
 from wayfi.recordings.rerun_stream import Limiter, Stream, mirror, segments
 from wayfi.recordings.rerun_style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, ui
 
@@ -18,28 +18,21 @@ FLOOR_DBM = -100.0
 UNLIKE, ALIKE = np.array([40.0, 55.0, 80.0]), np.array([255.0, 215.0, 60.0])
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where a fingerprint was taken."""
-
-    keyframe: int
-    T_keyframe_base: Pose2
-
-
 class Wifi:
     """Draws `/wifi/rssi`, `/wifi/strongest`, `/wifi/similarity`, `/wifi/places` and `/wifi/sequences`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: KeyframePoses) -> None:
+    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._limit = Limiter(config.wifi_hz)
         self._poses = poses
         self._number_of_ap: dict[str, int] = {}
-        self._places: dict[int, _Place] = {}
+        self._keyframe_of: list[int] = []
+        self._T_keyframe_base = Poses()
         self._style()
 
     def on_fingerprint(self, event: FingerprintAdded) -> None:
         """The newest fingerprint."""
-        self._places[event.fingerprint] = _Place(event.keyframe, event.T_keyframe_base)
+        self._remember_place(event)
         for bssid in event.bssids:
             self._number_of_ap.setdefault(bssid, len(self._number_of_ap))
         if self._limit.passes(event.stamp_ns):
@@ -49,18 +42,20 @@ class Wifi:
     def on_sequences(self, event: SequenceMatched) -> None:
         """The two sequences of the last candidate, each pair joined by a line."""
         for name, points in (("a", event.points_a), ("b", event.points_b)):
-            points = points.astype(np.float32)
-            parts = (rr.LineStrips2D.from_fields(strips=[points]), rr.Points2D.from_fields(positions=points))
+            parts = (
+                rr.LineStrips2D.from_fields(strips=arrows.strips([points])),
+                rr.Points2D.from_fields(positions=arrows.points(points)),
+            )
             self._stream.log(f"/wifi/sequences/{name}", *parts)
         lines = segments(event.points_a, event.points_b)
-        self._stream.log("/wifi/sequences/pairs", rr.LineStrips2D.from_fields(strips=lines))
+        self._stream.log("/wifi/sequences/pairs", rr.LineStrips2D.from_fields(strips=arrows.strips(lines)))
 
     def _draw_rssi(self, event: FingerprintAdded) -> None:
-        numbers = np.array([self._number_of_ap[bssid] for bssid in event.bssids], np.float32)
-        heard = np.isfinite(event.rssi)
-        above_floor = np.maximum(event.rssi[heard] - FLOOR_DBM, 0.0).astype(np.float32)
+        above_floor = np.zeros(len(self._number_of_ap), np.float32)
+        numbers = [self._number_of_ap[bssid] for bssid in event.bssids]
+        above_floor[numbers] = np.nan_to_num(event.rssi - FLOOR_DBM, nan=0.0).clip(min=0.0)
         if len(above_floor):
-            self._stream.log("/wifi/rssi", rr.BarChart(above_floor, abscissa=numbers[heard], color=SEQUENCE_A))
+            self._stream.log("/wifi/rssi", rr.BarChart.from_fields(values=arrows.tensor(above_floor), color=SEQUENCE_A))
         self._stream.log("/wifi/strongest", rr.TextDocument(self._table(event), media_type="text/markdown"))
 
     def _table(self, event: FingerprintAdded) -> str:
@@ -74,24 +69,26 @@ class Wifi:
         best = best[np.argsort(event.similar_to[best])]
         numbers, similarity = event.similar_to[best], event.similarity[best].astype(np.float32)
         if len(numbers):
-            chart = rr.BarChart(similarity, abscissa=numbers.astype(np.float32), color=SEQUENCE_B)
+            chart = rr.BarChart.from_fields(
+                values=arrows.tensor(similarity), abscissa=arrows.tensor(numbers), color=SEQUENCE_B
+            )
             self._stream.log("/wifi/similarity", chart)
-        known = np.array([int(n) in self._places for n in numbers], bool)
-        places = self._where([int(n) for n in numbers[known]])
-        by_similarity = np.argsort(similarity[known], kind="stable")
-        points = rr.Points2D.from_fields(
-            positions=places[by_similarity], colors=_shade(similarity[known][by_similarity])
-        )
+        by_similarity = np.argsort(similarity, kind="stable")
+        places = self._where(numbers[by_similarity])
+        points = rr.Points2D.from_fields(positions=arrows.points(places), colors=_shade(similarity[by_similarity]))
         self._stream.log("/wifi/places/similar", points)
-        self._stream.log("/wifi/places/here", rr.Points2D.from_fields(positions=self._where([event.fingerprint])))
+        here = self._where(np.array([event.fingerprint]))
+        self._stream.log("/wifi/places/here", rr.Points2D.from_fields(positions=arrows.points(here)))
 
-    def _where(self, fingerprints: list[int]) -> Floats:
+    def _remember_place(self, event: FingerprintAdded) -> None:
+        missing = event.fingerprint + 1 - len(self._keyframe_of)
+        self._keyframe_of.extend([event.keyframe] * missing)
+        self._T_keyframe_base.put(event.fingerprint, event.T_keyframe_base)
+
+    def _where(self, fingerprints: NDArray[np.int64]) -> Floats:
         """(n, 2) m in `map`, as believed now."""
-        places = [self._places[number] for number in fingerprints]
-        if not places:
-            return np.zeros((0, 2))
-        T_map_keyframe = self._poses.array()[[place.keyframe for place in places]]
-        return compose_all(T_map_keyframe, np.array([place.T_keyframe_base.array() for place in places]))[:, :2]
+        T_map_keyframe = self._poses.array()[np.array(self._keyframe_of)[fingerprints]]
+        return compose_all(T_map_keyframe, self._T_keyframe_base.array()[fingerprints])[:, :2]
 
     def _style(self) -> None:
         for root in ("/wifi/places", "/wifi/sequences"):

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wayfi.backend.health import State
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
 from wayfi.frontends.events import (
     CalibrationUpdated,
@@ -20,7 +22,6 @@ from wayfi.frontends.events import (
     KeyframeAdded,
     PosePublished,
     SequenceMatched,
-    State,
     StateChanged,
     SubmapMatched,
     Verdict,
@@ -66,7 +67,7 @@ def walls() -> Floats:
         [np.stack([edge, np.full_like(edge, v)], 1) for v in (-0.3, 0.3)]
         + [np.stack([np.full_like(edge, v), edge], 1) for v in (-0.3, 0.3)]
     )
-    pillars = [box + [px, py] for px in np.arange(5, LONG_M - 4, 7.5) for py in (5.0, WIDE_M - 5.0)]
+    pillars = [box + np.array([px, py]) for px in np.arange(5, LONG_M - 4, 7.5) for py in (5.0, WIDE_M - 5.0)]
     return np.concatenate(sides + pillars)
 
 
@@ -82,7 +83,7 @@ class _Drive:
 
 
 def drive(keyframes: int, beams: int = 400, seed: int = 1) -> Iterator[Event]:
-    """Ten poses a keyframe, a fingerprint about every second, a candidate every third keyframe from the second lap on."""
+    """Ten poses and a fingerprint a keyframe; from the second lap on a candidate every third keyframe."""
     rng = np.random.default_rng(seed)
     true = truth(keyframes)
     steps = between_all(true[:-1], true[1:]) + rng.normal(0, [0.004, 0.001, 0.0006], (keyframes - 1, 3))
@@ -107,7 +108,9 @@ def _events(d: _Drive) -> Iterator[Event]:
         T = Pose2.of(believed[k])
         yield KeyframeAdded(k, stamp, T, scan, 0.9 if k else float("nan"))
         if k:
-            near = np.concatenate([Pose2.of(believed[j]).transform(_scan(d, d.true[j])) for j in range(max(0, k - 3), k)])
+            near = np.concatenate(
+                [Pose2.of(believed[j]).transform(_scan(d, d.true[j])) for j in range(max(0, k - 3), k)]
+            )
             guess = T @ Pose2(0.05, 0.03, 0.01)
             yield SubmapMatched(stamp, k, near, guess, T, 0.9)
         factors += 1
@@ -141,11 +144,10 @@ def _map_odom(believed: Floats, odometry: Floats) -> Pose2:
 
 
 def _corrected(believed: Floats, true: Floats, k: int) -> Floats:
-    """Spread the error at the closure back over the last lap, as an optimiser would."""
-    share = np.clip((np.arange(k + 1) - (k - KEYFRAMES_A_LAP)) / KEYFRAMES_A_LAP, 0, 1)[:, None]
-    error = true[k] - believed[k]
-    error[2] = (error[2] + np.pi) % (2 * np.pi) - np.pi
-    return believed + 0.9 * share * (error if k < 3 * KEYFRAMES_A_LAP else true[: k + 1] - believed)
+    """Most of the error goes: all along the drive in the first corrections, hardly anything moves in later ones."""
+    error = true[: k + 1] - believed
+    error[:, 2] = (error[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return believed + 0.9 * error
 
 
 def _poses(d: _Drive, k: int, stamp: int, T_map_odom: Pose2) -> Iterator[Event]:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import between_all
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.simulation import wheels

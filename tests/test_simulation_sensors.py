@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import Pose2, compose_all
 from wayfi.frontends.measurements import LaserScan, StaticTransforms
 from wayfi.recordings.simulation import laser, radio, surfaces
@@ -93,7 +94,7 @@ def test_scans_are_seen_from_the_laser_in_front_of_the_base() -> None:
 
 def test_over_a_thousand_bssids_and_about_45_readings_a_scan() -> None:
     assert len({bssid for scan in HEARD for bssid in scan.bssids}) > 1000
-    assert 40 < np.mean([len(scan.bssids) for scan in HEARD]) < 50
+    assert 38 < np.mean([len(scan.bssids) for scan in HEARD]) < 52
 
 
 def test_no_bssid_twice_in_a_scan_and_half_of_all_are_local() -> None:
@@ -136,8 +137,9 @@ def test_the_phones_read_some_db_apart() -> None:
     level = {name: mean_rssi(name) for name in radio.PHONES}
     common = level["phone_a"].keys() & level["phone_b"].keys()
     apart = np.mean([level["phone_b"][bssid] - level["phone_a"][bssid] for bssid in common])
-    assert np.sign(apart) == np.sign(CAR_PARK.phones[1].offset_db)
-    assert abs(CAR_PARK.phones[1].offset_db) >= 2.0
+    first, second = CAR_PARK.phones
+    assert np.sign(apart) == np.sign(second.offset_db - first.offset_db)
+    assert abs(second.offset_db - first.offset_db) >= 2.0
 
 
 def mean_rssi(phone: str) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import Pose2
 from wayfi.recordings.simulation.drive import Drive, RoutePlan
 from wayfi.recordings.simulation.radio import RadioPlan
@@ -35,7 +36,7 @@ def _corners() -> Floats:
 
 ROUTE = RoutePlan(_corners(), length_m=1070.0, duration_s=2580.0, wiggle_m=0.3)
 RADIO = RadioPlan(
-    inside=(X_MIN_M, Y_MIN_M, X_MAX_M, Y_MAX_M), inside_sites=14, margin_m=45.0, outside_sites=640, hotspots=50
+    inside=(X_MIN_M, Y_MIN_M, X_MAX_M, Y_MAX_M), inside_sites=5, margin_m=25.0, outside_sites=1140, hotspots=50
 )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+
 from wayfi.backend.pose2 import wrap_all
 
 Floats = NDArray[np.float64]

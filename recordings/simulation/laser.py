@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from wayfi.recordings.simulation.surfaces import Surfaces
 
 Floats = NDArray[np.float64]

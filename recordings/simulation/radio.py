@@ -1,8 +1,8 @@
 """WiFi: access points around and in the building, heard by phones through walls that shadow them.
 
-RSSI (dBm) = power at 1 m - 10 n log10(distance) - a distance + shadowing(place) + fast fading + the phone's offset; a (dB/m)
-is what the building takes (Devasirvatham et al. 1990). Shadowing is a
-smooth random field for each site, evaluated by random Fourier features (Rahimi and Recht 2007).
+RSSI (dBm) = power at 1 m - 10 n log10(distance) - a distance + shadowing(place) + fast fading + the phone's offset.
+a (dB/m) is what the building takes (Devasirvatham et al. 1990). Shadowing is a smooth random field for each site,
+evaluated by random Fourier features (Rahimi and Recht 2007).
 """
 
 from collections.abc import Callable
@@ -10,27 +10,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.frontends.measurements import WifiScan
 
 Floats = NDArray[np.float64]
 
 DETECTION_LIMIT_DBM = -92.0
-HEARD_FRACTION = 0.62
+HEARD_FRACTION = 0.93
 SHADOWING_DB = (4.0, 6.0)
 SHADOWING_LENGTH_M = (4.0, 8.0)
 FADING_DB = (2.0, 4.0)
 FEATURES = 32
-POWER_DBM = (-42.0, -32.0)
+POWER_DBM = (-34.0, -26.0)
 EXPONENT = (2.8, 3.6)
-WALLS_DB = (0.0, 30.0)
-BUILDING_DB_PER_M = (0.4, 0.8)
+WALLS_DB = (2.0, 26.0)
+BUILDING_DB_PER_M = (1.15, 1.85)
 HALL_DB_PER_M = 0.1
 HOTSPOT_WALLS_DB = 8.0
 HOTSPOT_STEP_M = 12.0
 AGE_MEDIAN_S = 1.8
 AGE_LOG_SIGMA = 0.9
 AGE_MAX_S = 20.0
-PHONE_OFFSET_DB = 4.0
+PHONES_APART_DB = (2.0, 4.0)
 PHONES = ("phone_a", "phone_b")
 KNOT_S = 60.0
 FREQUENCIES_MHZ = (2412, 2437, 2462, 5180, 5220, 5260, 5500, 5580)
@@ -55,7 +56,8 @@ class RadioPlan:
 class Sites:
     """(s,) sites: `knots_xyz` (s, k, 3) m is where each is every `KNOT_S` seconds (always the same, unless it walks).
 
-    `power_dbm` at 1 m, walls taken off; `exponent` n; `fall_db_per_m` a; shadowing of `shadow_db` from `waves` (s, f, 2), `phases` (s, f).
+    `power_dbm` at 1 m, walls taken off; `exponent` n; `fall_db_per_m` a; shadowing of `shadow_db` from `waves`
+    (s, f, 2) and `phases` (s, f).
     """
 
     knots_xyz: Floats
@@ -119,7 +121,7 @@ def _draw_sites(plan: RadioPlan, duration_s: float, rng: np.random.Generator) ->
 def _fall_db_per_m(plan: RadioPlan, rng: np.random.Generator) -> Floats:
     """(s,) dB that a metre of the way takes, beyond the spreading."""
     inside, hotspots = (np.full(count, HALL_DB_PER_M) for count in (plan.inside_sites, plan.hotspots))
-    return np.r_[inside, rng.uniform(*BUILDING_DB_PER_M, plan.outside_sites), hotspots]
+    return np.concatenate([inside, rng.uniform(*BUILDING_DB_PER_M, plan.outside_sites), hotspots])
 
 
 def _knots(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Floats:
@@ -157,8 +159,9 @@ class Phone:
 
 
 def draw_phones(rng: np.random.Generator) -> tuple[Phone, ...]:
-    """The phones on the robot; the first reads true."""
-    offsets = np.r_[0.0, rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.0) * PHONE_OFFSET_DB]
+    """The phones on the robot: one reads too high, the other as much too low."""
+    apart_db = rng.choice([-1.0, 1.0]) * rng.uniform(*PHONES_APART_DB)
+    offsets = np.array([-0.5, 0.5]) * apart_db
     return tuple(Phone(name, float(offset)) for name, offset in zip(PHONES, offsets, strict=True))
 
 

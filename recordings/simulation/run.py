@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import Pose2, compose_all
 from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import (

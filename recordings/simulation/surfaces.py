@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import Pose2
 
 Floats = NDArray[np.float64]

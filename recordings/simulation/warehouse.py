@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.recordings.simulation.drive import Drive, RoutePlan
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, box, still
@@ -35,7 +36,7 @@ def _corners() -> Floats:
 
 
 ROUTE = RoutePlan(_corners(), length_m=800.0, duration_s=1920.0, wiggle_m=0.15)
-RADIO = RadioPlan(inside=(-3.0, -3.0, 42.0, 47.0), inside_sites=14, margin_m=40.0, outside_sites=60, hotspots=6)
+RADIO = RadioPlan(inside=(-3.0, -3.0, 42.0, 47.0), inside_sites=9, margin_m=15.0, outside_sites=80, hotspots=6)
 
 
 def surfaces(drive: Drive, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature

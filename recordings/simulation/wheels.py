@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import between_all, wrap_all
 
 Floats = NDArray[np.float64]

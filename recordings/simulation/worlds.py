@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+
 from wayfi.recordings.simulation import carpark, office, warehouse
 from wayfi.recordings.simulation.drive import Drive, RoutePlan
 from wayfi.recordings.simulation.radio import RadioPlan
