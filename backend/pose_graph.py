@@ -28,7 +28,7 @@ class BackendConfig:
     relinearize_pose: float = option(0.05, "m or rad", "above this a linearisation point is off by more than closures are")
     relinearize_calibration: float = option(0.002, "1, rad/m or rad/s", "0.002 rad/m bends 20 m of path by 0.4 m")
     leap_m: float = option(1.0, "m", "a closure further off than this leaves the basin of a Gauss-Newton step")
-    updates_per_closure: int = option(2, "", "a second update relinearises what the first has moved")
+    settle_updates: int = option(5, "", "at the end of a drive: what the last closures moved is relinearised")
     uncertain_sigma_m: float = option(1.0, "m", "above it the pose says which room, not where in it")
     lost_sigma_m: float = option(10.0, "m", "above it the pose says nothing of use to a planner")
 
@@ -121,13 +121,21 @@ class PoseGraph:
             return summary
         try:
             self._step()
-            if closes or self._removed:
-                for _ in range(self._config.updates_per_closure - 1):
-                    self._isam.update()
         except RuntimeError:
             self.rebuild(self._prior.values, self._start())
         self._queued, self._queued_poses, self._removed = [], {}, []
         return summary
+
+    def settle(self) -> None:
+        """Update until what the last closures moved has found its place."""
+        self.update()
+        for _ in range(self._config.settle_updates):
+            self._isam.update()
+
+    @property
+    def pending(self) -> bool:
+        """Whether a loop closure is queued, or the removal of one: the next update may move earlier poses."""
+        return bool(self._removed) or any(self._closes_loop(self._factors[n]) for n in self._queued)
 
     def rebuild(self, calibration: Floats, poses: Floats) -> None:
         """Optimise everything anew from `poses` (n, 3) and `calibration` (4,); for leaving a wrong basin.

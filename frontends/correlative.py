@@ -90,16 +90,20 @@ def search(
 def _splat(
     points: Floats, origin: Floats, cell_m: float, rows: int, columns: int, reach: int, blur_m: float
 ) -> NDArray[np.float32]:
+    side = 2 * reach + 1
+    kernel = np.empty((side, side), np.float32)
+    for r in range(side):
+        for c in range(side):
+            d2 = ((r - reach) ** 2 + (c - reach) ** 2) * cell_m * cell_m
+            kernel[r, c] = np.exp(-0.5 * d2 / (blur_m * blur_m))
     field = np.zeros((rows, columns), np.float32)
     for i in range(points.shape[0]):
-        px, py = (points[i, 0] - origin[0]) / cell_m, (points[i, 1] - origin[1]) / cell_m
-        r0, c0 = int(px), int(py)
+        r0, c0 = int((points[i, 0] - origin[0]) / cell_m), int((points[i, 1] - origin[1]) / cell_m)
+        if field[r0, c0] == 1.0:
+            continue
         for r in range(max(r0 - reach, 0), min(r0 + reach + 1, rows)):
             for c in range(max(c0 - reach, 0), min(c0 + reach + 1, columns)):
-                d2 = ((r + 0.5 - px) ** 2 + (c + 0.5 - py) ** 2) * cell_m * cell_m
-                value = np.float32(np.exp(-0.5 * d2 / (blur_m * blur_m)))
-                if value > field[r, c]:
-                    field[r, c] = value
+                field[r, c] = max(field[r, c], kernel[r - r0 + reach, c - c0 + reach])
     return field
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.measurements import LaserScan, StaticTransform
 
+NEAREST_M = 0.02  # nearer is the sensor's own window, whatever the message says
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanPoints:
@@ -24,13 +26,18 @@ class ScanPoints:
     T_base_laser: Pose2
 
 
+def returns(scan: LaserScan, max_range_m: float) -> NDArray[np.int64]:
+    """Indices (n,) of the beams with a return within `max_range_m`."""
+    top = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
+    return np.flatnonzero((scan.ranges > max(scan.range_min_m, NEAREST_M)) & (scan.ranges < top))
+
+
 def beam_points(scan: LaserScan, max_range_m: float) -> tuple[NDArray[np.int64], Floats]:
     """Indices (n,) of the beams with a return within `max_range_m`, and their (n, 2) points in the laser's frame."""
-    ranges = scan.ranges.astype(np.float64)
-    top = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
-    valid = np.flatnonzero(np.isfinite(ranges) & (ranges > max(scan.range_min_m, 0.02)) & (ranges < top))
-    bearings = scan.angle_min + valid * scan.angle_increment
-    return valid, ranges[valid, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    beams = returns(scan, max_range_m)
+    bearings = scan.angle_min + beams * scan.angle_increment
+    ranges = scan.ranges[beams].astype(np.float64)
+    return beams, ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
 
 
 def to_base(points: Floats, T_base_laser: Pose2, upside_down: bool, motion: Floats | None) -> Floats:

@@ -61,6 +61,7 @@ class LoopCloser:
         self._judged: list[ClosureJudged] = []
         self._accepted: dict[int, int] = {}
         self._last_check_m = -np.inf
+        self.restarted = False
 
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check the newest keyframe against the nearest earlier one that the estimate offers."""
@@ -80,6 +81,7 @@ class LoopCloser:
         """Check what WiFi proposes with the laser; without one, judge the WiFi's own pose."""
         a, b = candidate.a.keyframe, candidate.b.keyframe
         events = self._sequence_event(candidate, stamp_ns, poses)
+        self.restarted = False
         if a == b:
             return events
         if self._keyframes[a].scan is None or self._keyframes[b].scan is None:
@@ -88,12 +90,12 @@ class LoopCloser:
         guess = Pose2.of(poses[a]).between(Pose2.of(poses[b]))
         return events + self._checked(a, b, stamp_ns, guess, covariance, poses, "wifi", candidate.similarity)
 
-    def review(self) -> list[Event]:
+    def review(self, poses: Floats) -> list[Event]:
         """Take back accepted closures that the estimate contradicts after all; the newest fifty are looked at."""
         events: list[Event] = []
         for number in sorted(self._accepted)[-50:]:
             judged = self._judged[number]
-            T = self._graph.pose(judged.keyframe_a).between(self._graph.pose(judged.keyframe_b))
+            T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
             distance = innovation_chi2 if judged.heading_claimed else position_chi2
             chi2 = distance(T, np.zeros((3, 3)), judged.T_a_b, judged.covariance)
             if chi2 > self._closure.remove_chi2:
@@ -247,4 +249,5 @@ class LoopCloser:
                 self._believe(changed)
                 events.append(changed)
         self._graph.rebuild(mode.values, mode.poses)
+        self.restarted = True
         return events

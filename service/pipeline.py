@@ -16,7 +16,7 @@ from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.events import DropReason, Dropped, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.fingerprints import Readings, usable_readings
 from wayfi.frontends.laser_odometry import LaserOdometry
-from wayfi.frontends.laser_points import beam_points
+from wayfi.frontends.laser_points import returns
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, StaticTransforms, WifiScan
 from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, keyframe_due
 from wayfi.frontends.timebase import TimeBase
@@ -93,6 +93,8 @@ class Pipeline:
         events = list(self._lead_by_laser()) if self._unled and not self._trajectories else []
         events += [Dropped(Sensor.WIFI, w.stamp_ns, DropReason.NO_POSE) for w in self._wifi]
         slam = self._slam
+        if len(slam.keyframes):
+            events += slam.settle(slam.keyframes[len(slam.keyframes) - 1].point.stamp_ns)
         with self._timer("map"):
             grid = build_grid(slam.poses, slam.grid_scans, self._config.map)
         stamp_ns = int(self._trajectories.stamps_ns()[-1]) if len(self._trajectories) else 0
@@ -156,7 +158,7 @@ class Pipeline:
         stamp_ns = yield from self._stamp(Sensor.SCAN, Sensor.SCAN, m.stamp_ns)
         if stamp_ns is None:
             return
-        if len(beam_points(m, self._config.lidar.max_range_m)[0]) == 0:
+        if len(returns(m, self._config.lidar.max_range_m)) == 0:
             yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN)
             return
         if self._wheels.latest is None or self._laser_leads:

@@ -14,14 +14,12 @@ from wayfi.backend.pose_graph import Wheels as WheelFactor
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.frontends.events import (
     CalibrationUpdated,
-    ClosureJudged,
     Event,
     FingerprintAdded,
     GraphUpdated,
     KeyframeAdded,
     StateChanged,
     SubmapMatched,
-    Verdict,
 )
 from wayfi.frontends.fingerprints import Readings
 from wayfi.frontends.keyframes import Keyframe, Keyframes
@@ -91,7 +89,8 @@ class Slam:
         number = self.graph.add_keyframe(guess)
         tracked = self._connect(point, placed, number) if number else None
         self._remember(point, placed, guess)
-        events.extend(self._update(point.stamp_ns, redraw=False))
+        moved = self.graph.pending
+        events.extend(self._update(point.stamp_ns))
         T_map_base = Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan
         points = placed.points.points.astype(np.float32) if placed else np.empty((0, 2), np.float32)
@@ -101,8 +100,10 @@ class Slam:
             submap = before.transform(tracked.submap)
             events.append(SubmapMatched(point.stamp_ns, number, submap, guess, T_map_base, ratio))
         with self._timer("closure"):
-            found = self._closer.close_by_estimate(number, point.stamp_ns, self.poses)
-        return events + self._settle(found, point.stamp_ns) + self._observe(point.stamp_ns)
+            if moved:
+                events += self._closer.review(self.poses)
+            events += self._closer.close_by_estimate(number, point.stamp_ns, self.poses)
+        return events + self._observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, receiver: str, point: PathPoint, readings: Readings) -> list[Event]:
         """A WiFi scan taken at `point`; closes loops by the fingerprint that it completes."""
@@ -117,9 +118,15 @@ class Slam:
         events: list[Event] = [_fingerprint_event(fingerprint, similarity)]
         if candidate is not None:
             with self._timer("closure"):
-                found = self._closer.close_by_wifi(candidate, stamp_ns, self.poses)
-            events += self._settle(found, stamp_ns)
+                events += self._closer.close_by_wifi(candidate, stamp_ns, self.poses)
+            if self._closer.restarted:
+                events += self._update(stamp_ns, moved=True)
         return events
+
+    def settle(self, stamp_ns: int) -> list[Event]:
+        """At the end of a drive: take in the last closures."""
+        self.graph.settle()
+        return self._update(stamp_ns, moved=True)
 
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of all fingerprints in `map`."""
@@ -148,30 +155,20 @@ class Slam:
         sensor = placed.points.T_base_laser if placed else Pose2()
         self.grid_scans.append(GridScan(hits, (sensor.x, sensor.y)))
 
-    def _settle(self, found: list[Event], stamp_ns: int) -> list[Event]:
-        """Update the graph after verdicts that changed it, and look whether the closures still hold."""
-        changed = any(isinstance(e, ClosureJudged) and e.verdict is not Verdict.REFUSED for e in found)
-        if not changed:
-            return found
-        events = found + self._update(stamp_ns, redraw=True)
-        taken_back = self._closer.review()
-        return events + (taken_back + self._update(stamp_ns, redraw=True) if taken_back else [])
-
-    def _update(self, stamp_ns: int, redraw: bool) -> list[Event]:
+    def _update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
+        """Update the graph; `moved` says that earlier poses have moved already."""
+        moved = moved or self.graph.pending
         with self._timer("backend"):
             summary: UpdateSummary = self.graph.update()
-            if redraw:
+            if moved:
                 self._poses[: len(self.keyframes)] = self.graph.poses()
             else:
                 self._refresh_recent()
             self._calibration = self.graph.calibration_values()
         number = len(self.keyframes) - 1
-        poses = self.poses.copy() if redraw else None
-        return [
-            GraphUpdated(
-                stamp_ns, number, poses, summary.added, summary.removed, summary.factors, self._step_residual(number)
-            )
-        ]
+        poses = self.poses.copy() if moved else None
+        residual = self._step_residual(number)
+        return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual)]
 
     def _refresh_recent(self) -> None:
         n = len(self.keyframes)
