@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from wayfi.backend.options import option
 
 Floats = NDArray[np.float64]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, wrap_all
 from wayfi.backend.trajectory import Flags, Stamps, Trajectory

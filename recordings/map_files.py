@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.grid_map import Floats, MapConfig, OccupancyGrid
 from wayfi.recordings.files import write_bytes, write_text
 from wayfi.recordings.map_picture import map_png

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+
 from wayfi.backend.grid_map import Floats, OccupancyGrid
 
 _GREYS = LinearSegmentedColormap.from_list("occupancy", [(0.0, "#ffffff"), (0.5, "#dfe3e8"), (1.0, "#17202b")])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Floats, Verdict

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.trajectory import Floats, Stamps, Trajectory
 from wayfi.recordings.files import write_text

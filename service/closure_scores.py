@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
+
 from wayfi.backend.pose2 import Floats, between_all, wrap_all
 from wayfi.backend.scoring import ScoringError
 from wayfi.backend.trajectory import Flags, Trajectory

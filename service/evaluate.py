@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from wayfi.backend.scoring import (
     Alignment,
     RelationError,

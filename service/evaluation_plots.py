@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.trajectory import Trajectory
 from wayfi.recordings.files import write_bytes

@@ -13,11 +13,19 @@ from wayfi.backend.health import State
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
 from wayfi.backend.wheel_calibration import WheelCalibration
-from wayfi.frontends.events import DropReason, Dropped, Event, GridRedrawn, PosePublished, Warned
+from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.fingerprints import Readings, usable_readings
 from wayfi.frontends.laser_odometry import LaserOdometry
 from wayfi.frontends.laser_points import returns
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, StaticTransforms, WifiScan
+from wayfi.frontends.measurements import (
+    LaserScan,
+    Measurement,
+    Odometry,
+    PointCloud,
+    Sensor,
+    StaticTransforms,
+    WifiScan,
+)
 from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, keyframe_due
 from wayfi.frontends.timebase import TimeBase
 from wayfi.frontends.wifi import Fingerprint

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
 from wayfi.backend.scoring import ScoringError, absolute_error, align, relation_error, relative_error
 from wayfi.backend.trajectory import Trajectory

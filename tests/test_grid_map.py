@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from wayfi.backend.grid_map import Floats, GridScan, MapConfig, OccupancyGrid, build_grid
 
 CONFIG = MapConfig()

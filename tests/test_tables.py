@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.recordings.tables import RadioPlace, TableError, read_closures, write_closures, write_radio

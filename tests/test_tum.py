@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
 from wayfi.backend.pose2 import wrap_all
 from wayfi.recordings.tum import TrajectoryError, read_tum, seconds_text, stamp_of, write_tum
 

@@ -1,0 +1,64 @@
+"""One drive from its bytes to its files: decoding, the pipeline, the log and the counts, the same for every source."""
+
+from pathlib import Path
+
+from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.events import DropReason, Event
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.codec import decode
+from wayfi.recordings.codec_error import CodecError
+from wayfi.recordings.rerun_log import Log
+from wayfi.recordings.topics import Encoding
+from wayfi.service.config import Config, RecordingConfig
+from wayfi.service.pipeline import Pipeline, Result
+from wayfi.service.tally import Tally
+from wayfi.service.timing import StageTimer
+
+
+def topics_of(config: RecordingConfig) -> dict[Sensor, str]:
+    """The topic of each sensor."""
+    return {sensor: str(getattr(config, sensor.value)) for sensor in Sensor}
+
+
+class Drive:
+    """Feed it messages in their order; it never raises for what a message holds."""
+
+    def __init__(self, config: Config, calibration: WheelCalibration | None, log: Log) -> None:
+        self.config = config
+        self.topics = topics_of(config.recording)
+        self.tally = Tally(self.topics)
+        self.timer = StageTimer()
+        self._pipeline = Pipeline(config, calibration, self.timer)
+        self._log = log
+
+    def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> list[Event]:
+        """Take one message; returns what became known by it."""
+        topic = self.topics[sensor]
+        self.tally.messages[topic] += 1
+        try:
+            with self.timer("decode"):
+                measurement = decode(data, sensor, encoding)
+        except CodecError as error:
+            if not self.tally.dropped.get(topic, {}).get(DropReason.UNDECODABLE):
+                self.tally.warnings.append(f"{topic}: {error}")
+            self.tally.drop(topic, DropReason.UNDECODABLE)
+            return []
+        with self.timer("process"):
+            events = self._pipeline.process(measurement)
+        self._show(events)
+        return events
+
+    def finish(self) -> Result:
+        """End the drive and close the log."""
+        result, events = self._pipeline.finish()
+        self._show(events)
+        self._log.close()
+        return result
+
+    def _show(self, events: list[Event]) -> None:
+        with self.timer("log"):
+            for event in events:
+                self.tally.take(event)
+                self._log.log(event)
+            if len(events) > 1:
+                self._log.log_durations(self.timer.last)

@@ -1,0 +1,109 @@
+"""Replay: a recording through the pipeline, headless, lossless and deterministic, into a folder of results."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wayfi.backend.errors import WayfiError
+from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.recordings.mcap_log import Record, Recording, open_recording
+from wayfi.recordings.rerun_log import open_log
+from wayfi.recordings.topics import Route, route
+from wayfi.service.config import Config
+from wayfi.service.drive import Drive
+from wayfi.service.results import Source, write_results
+
+Progress = Callable[[float], None]
+
+
+class ReplayError(WayfiError):
+    """A recording that nothing can be made of."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOptions:
+    """Where the results go; `rate` times real time, None as fast as it goes; whether session.rrd is written."""
+
+    out: Path
+    rate: float | None = None
+    rrd: bool = True
+
+
+def replay(
+    recording_path: Path,
+    config: Config,
+    calibration: WheelCalibration | None,
+    options: ReplayOptions,
+    progress: Progress = lambda _: None,
+) -> dict[str, Any]:
+    """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it."""
+    start = time.perf_counter()
+    recording = open_recording(recording_path)
+    _make_folder(options.out)
+    sha256 = recording.sha256()
+    log = open_log(config.rerun, options.out / "session.rrd" if options.rrd else None, recording_id=sha256[:16])
+    drive = Drive(config, calibration, log)
+    unused = _feed_all(recording, drive, options.rate, progress)
+    result = drive.finish()
+    if len(result.stamps_ns) == 0:
+        raise ReplayError(_nothing_usable(recording_path, drive, unused))
+    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in unused.items()]
+    source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
+    return write_results(options.out, drive, result, source)
+
+
+def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: Progress) -> dict[str, str]:
+    """Feed every record in order; returns the topics that feed no sensor, each with the reason."""
+    routes: dict[tuple[str, str, str], Route] = {}
+    unused: dict[str, str] = {}
+    total = max(recording.message_count, 1)
+    pace = _Pace(rate)
+    for number, record in enumerate(recording):
+        channel = (record.topic, record.type_name, record.encoding)
+        if channel not in routes:
+            routes[channel] = route(*channel, drive.topics)
+        found = routes[channel]
+        if found.sensor is None or found.encoding is None:
+            unused[record.topic] = found.why
+            continue
+        pace.wait_for(record)
+        drive.feed(found.sensor, found.encoding, record.data)
+        if number % 100 == 0:
+            progress(number / total)
+    progress(1.0)
+    return unused
+
+
+class _Pace:
+    """Holds records back to `rate` times real time; None does not."""
+
+    def __init__(self, rate: float | None) -> None:
+        self._rate = rate
+        self._start: tuple[float, int] | None = None
+
+    def wait_for(self, record: Record) -> None:
+        if self._rate is None:
+            return
+        now = time.monotonic()
+        if self._start is None:
+            self._start = (now, record.log_time_ns)
+        due = self._start[0] + (record.log_time_ns - self._start[1]) * 1e-9 / self._rate
+        if due > now:
+            time.sleep(due - now)
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReplayError(f"{out}: cannot be made: {error.strerror}") from None
+
+
+def _nothing_usable(path: Path, drive: Drive, unused: dict[str, str]) -> str:
+    dropped = Counter({f"{t} {r}": n for t, reasons in drive.tally.dropped.items() for r, n in reasons.items()})
+    why = [f"{topic} ({reason})" for topic, reason in unused.items()] + [f"{n} x {what}" for what, n in dropped.items()]
+    wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
+    return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

@@ -1,0 +1,88 @@
+"""The files that a drive leaves: every one always exists, an existing folder is overwritten file by file."""
+
+import json
+import platform
+import resource
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.wifi import Fingerprint
+from wayfi.recordings.calibration_file import write_calibration
+from wayfi.recordings.files import write_text
+from wayfi.recordings.g2o import write_g2o
+from wayfi.recordings.map_files import write_map
+from wayfi.recordings.tables import RadioPlace, write_closures, write_radio
+from wayfi.recordings.tum import write_tum
+from wayfi.service.config import Config, config_toml
+from wayfi.service.drive import Drive
+from wayfi.service.pipeline import Result
+
+MAP_VERSION = 1
+PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "rerun-sdk", "rosbags")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What a drive was read from: seconds it took, seconds recorded, its hash, and what was wrong with it."""
+
+    wall_s: float
+    recording_s: float
+    sha256: str
+    warnings: list[str]
+
+
+def write_results(directory: Path, drive: Drive, result: Result, source: Source) -> dict[str, Any]:
+    """Write every file of a drive into `directory`; returns the report."""
+    with drive.timer("files"):
+        _write_estimate(directory, drive.config, result)
+        write_closures(directory / "closures.csv", drive.tally.verdicts.values())
+        write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
+        write_text(directory / "config.toml", config_toml(drive.config))
+        write_calibration(directory / "calibration.toml", result.calibration, _receivers(result.fingerprints))
+        write_map(directory, result.grid, drive.config.map, result.final[:, :2])
+    report = _report(drive, source)
+    write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
+    return report
+
+
+def _write_estimate(directory: Path, config: Config, result: Result) -> None:
+    write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
+    write_tum(directory / "online.tum", result.stamps_ns, result.online)
+    factors = result.factors.values()
+    write_g2o(directory / "graph.g2o", result.keyframe_poses, factors, result.calibration.values)
+    saved = directory / "map"
+    saved.mkdir(exist_ok=True)
+    write_g2o(saved / "graph.g2o", result.keyframe_poses, factors, result.calibration.values)
+    description = {"format": "wayfi-map", "version": MAP_VERSION, "keyframes": len(result.keyframe_poses)}
+    write_text(saved / "map.json", json.dumps(description, indent=1) + "\n")
+
+
+def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:
+    for f, pose in zip(fingerprints, poses, strict=True):
+        yield RadioPlace(
+            f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi
+        )
+
+
+def _receivers(fingerprints: list[Fingerprint]) -> dict[str, float]:
+    return {f.receiver: 0.0 for f in fingerprints}
+
+
+def _report(drive: Drive, source: Source) -> dict[str, Any]:
+    tally = drive.tally
+    return {
+        "messages": dict(tally.messages),
+        "dropped": {topic: dict(reasons) for topic, reasons in tally.dropped.items()},
+        "stages": drive.timer.report(),
+        "wall_s": round(source.wall_s, 3),
+        "recording_s": round(source.recording_s, 3),
+        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+        "recording_sha256": source.sha256,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "warnings": source.warnings + tally.warnings,
+        "status_changes": tally.status_changes,
+    }
