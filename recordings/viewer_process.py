@@ -25,7 +25,7 @@ def viewer_process(
 
     `CI` set is how Rerun is told to keep its analytics off without writing to the user's configuration.
     """
-    command = [sys.executable, "-m", "rerun_cli", "--bind", HOST, *arguments]
+    command = [sys.executable, "-m", "rerun", "--bind", HOST, *arguments]
     quiet = {"CI": "1", "RUST_LOG": os.environ.get("RUST_LOG", "error")}
     try:
         process = subprocess.Popen(command, env={**os.environ, **quiet, **(environment or {})}, start_new_session=True)

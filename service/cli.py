@@ -1,0 +1,218 @@
+"""The command line. Exit 0; 1 with one line on what is wrong with the data or the world; 2 for usage and unknown keys.
+
+Each command imports what it needs when it runs, so that `wayfi --help` answers at once.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wayfi.backend.errors import WayfiError
+from wayfi.service.console import Output
+
+if TYPE_CHECKING:
+    from wayfi.backend.wheel_calibration import WheelCalibration
+    from wayfi.service.config import Config
+
+app = typer.Typer(
+    help="Streaming SLAM for robots indoors: wheels, WiFi and LiDAR into one map.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else.")]
+Files = Annotated[list[Path] | None, typer.Option("--config", help="TOML file; later ones win.")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="section.key=VALUE, above every file; repeatable.")]
+CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.toml of an earlier drive.")]
+RecordingPath = Annotated[Path, typer.Argument(help="MCAP file, folder of parts, or a daemon's run folder.")]
+
+
+@contextmanager
+def _output(quiet: bool, as_json: bool) -> Iterator[Output]:
+    """The output of a command; known errors become one line and the exit code that fits."""
+    output = Output(quiet, as_json)
+    try:
+        yield output
+    except WayfiError as error:
+        from wayfi.service.config import ConfigError
+
+        output.error(str(error))
+        raise typer.Exit(2 if isinstance(error, ConfigError) else 1) from None
+    except KeyboardInterrupt:
+        output.error("interrupted")
+        raise typer.Exit(130) from None
+
+
+def _configured(files: list[Path] | None, settings: list[str] | None) -> "Config":
+    from wayfi.service.config import load_config
+
+    return load_config(files or (), settings or ())
+
+
+def _calibration(path: Path | None) -> "WheelCalibration | None":
+    from wayfi.recordings.calibration_file import read_calibration
+
+    return read_calibration(path) if path else None
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the recording and the replay.")] = Path("demo_out"),
+    minutes: Annotated[float, typer.Option(min=0.5, help="How much of the drive; the whole takes 43.")] = 6.0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate the paper's car park, replay it, score it, and say where to look."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.demo import run_demo
+
+        run_demo(out, minutes, output)
+
+
+@app.command()
+def replay(
+    recording: RecordingPath,
+    out: Annotated[Path, typer.Option(help="Folder for the results; made if need be.")],
+    rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "max",
+    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave session.rrd out.")] = False,
+    config: Files = None,
+    settings: Settings = None,
+    calibration: CalibrationFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run a recording through the pipeline: trajectory, map, closures and a scrubbable .rrd."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.replay import ReplayOptions, replay
+        from wayfi.service.summaries import say_replay
+
+        options = ReplayOptions(out, _rate(rate), not no_rrd)
+        with output.progress(f"replay {recording}") as progress:
+            report = replay(
+                recording, _configured(config, settings), _calibration(calibration), options, progress
+            )
+        say_replay(output, out, report)
+
+
+@app.command()
+def evaluate(
+    directory: Annotated[Path, typer.Argument(help="Folder of a replay.")],
+    truth: Annotated[Path, typer.Option(help="Reference trajectory, TUM.")],
+    relations: Annotated[Path | None, typer.Option(help="Hand-checked relations: t1 t2 dx dy dtheta.")] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Score a replay against a reference: ATE, RPE, relations, closures, covariances; with plots."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.evaluate import evaluate, write_evaluation
+        from wayfi.service.evaluation_plots import write_plots
+        from wayfi.service.summaries import say_evaluation
+
+        evaluation = evaluate(directory, truth, relations)
+        write_evaluation(directory, evaluation)
+        write_plots(directory, evaluation)
+        say_evaluation(output, directory, evaluation)
+
+
+@app.command()
+def simulate(
+    world: Annotated[str, typer.Argument(help="carpark, office or warehouse.")],
+    out: Annotated[Path, typer.Option(help="Folder for recording.mcap and truth.tum.")],
+    seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a recording of a simulated robot, and its true trajectory beside it."""
+    with _output(quiet, as_json) as output:
+        from wayfi.recordings.simulation.recorder import simulate
+        from wayfi.recordings.simulation.worlds import World
+
+        if world not in list(World):
+            raise typer.BadParameter(f"there is no world {world!r}; there are {', '.join(World)}")
+        with output.progress(f"simulate {world}") as progress:
+            made = simulate(World(world), out, seed, minutes, progress)
+        output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
+        output.result(
+            {
+                "recording": str(made.recording),
+                "truth": str(made.truth),
+                "seconds": made.duration_s,
+                "metres": made.path_length_m,
+                "messages": made.messages,
+            }
+        )
+
+
+@app.command()
+def inspect(
+    recording: RecordingPath,
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Show what a recording holds: topics, rates, gaps, time faults, and what a replay would use."""
+    with _output(quiet, as_json) as output:
+        from wayfi.recordings.inspection import inspect_recording
+        from wayfi.service.drive import topics_of
+        from wayfi.service.summaries import say_inspection
+
+        inspection = inspect_recording(recording, topics_of(_configured(config, settings).recording))
+        say_inspection(output, inspection)
+        if not inspection.usable:
+            raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")
+
+
+@app.command()
+def view(
+    path: Annotated[Path, typer.Argument(help="Folder of a replay or a run, or an .rrd file.")],
+    web: Annotated[bool, typer.Option("--web", help="Serve the web viewer on 127.0.0.1.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Open a drive in the Rerun viewer."""
+    with _output(quiet, as_json) as output:
+        from wayfi.recordings.viewer import view
+
+        view(path, web)
+        output.result({"viewed": str(path)})
+
+
+@app.command(name="config")
+def show_config(
+    config: Files = None, settings: Settings = None, quiet: Quiet = False, as_json: Json = False
+) -> None:
+    """Print the configuration in force, with units and the reason for each default."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.config import config_dict, config_toml
+
+        configured = _configured(config, settings)
+        output.say(config_toml(configured, explain=True).rstrip("\n"))
+        output.result(config_dict(configured))
+
+
+def _rate(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 0 < rate < float("inf"):
+        raise typer.BadParameter(f"--rate {text}: must be max or a number above zero")
+    return rate
+
+
+def main() -> None:
+    """The entry point of `wayfi`."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

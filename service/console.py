@@ -1,0 +1,53 @@
+"""What a command says: progress and words on stderr, its result on stdout, or one JSON object in its place."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Output:
+    """How much a command says. `quiet` leaves errors alone; `as_json` makes stdout one JSON object."""
+
+    quiet: bool = False
+    as_json: bool = False
+    _out: Console = field(default_factory=lambda: Console(highlight=False, soft_wrap=True))
+    _err: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Callable[[float], None]]:
+        """A bar on stderr while something long runs; call what this yields with the fraction done, 0 to 1."""
+        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=self._err, transient=True, disable=self.quiet or self.as_json) as bar:
+            task = bar.add_task(title, total=1.0)
+            yield lambda fraction: bar.update(task, completed=fraction)
+
+    def say(self, text: str) -> None:
+        """A line for a person."""
+        if not (self.quiet or self.as_json):
+            self._out.print(text, markup=False)
+
+    def table(self, title: str, columns: list[str], rows: list[list[str]]) -> None:
+        """A table for a person."""
+        if self.quiet or self.as_json:
+            return
+        table = Table(*columns, title=title, title_justify="left", box=None, pad_edge=False)
+        for row in rows:
+            table.add_row(*row)
+        self._out.print(table)
+
+    def result(self, value: Mapping[str, Any]) -> None:
+        """The command's result, where --json asks for it."""
+        if self.as_json:
+            print(json.dumps(value))  # noqa: T201 - stdout is the interface
+
+    def error(self, text: str) -> None:
+        """One line that says what is wrong."""
+        self._err.print(f"wayfi: {text}", markup=False, soft_wrap=True)
+        self.result({"error": text})
