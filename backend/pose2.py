@@ -15,12 +15,14 @@ Floats = NDArray[np.float64]
 
 def wrap(angle: float) -> float:
     """`angle` (rad) brought into [-pi, pi)."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
+    wrapped = (angle + math.pi) % (2 * math.pi) - math.pi
+    return -math.pi if wrapped >= math.pi else wrapped  # just below -pi the remainder rounds up to a whole turn
 
 
 def wrap_all(angles: Floats) -> Floats:
     """`angles` (rad, any shape) brought into [-pi, pi)."""
-    return (angles + np.pi) % (2 * np.pi) - np.pi
+    wrapped = (angles + np.pi) % (2 * np.pi) - np.pi
+    return np.where(wrapped >= np.pi, -np.pi, wrapped)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,8 @@ class Pose2:
     def transform(self, points: Floats) -> Floats:
         """(n, 2) points (m) of the child frame, in the parent frame."""
         c, s = math.cos(self.theta), math.sin(self.theta)
-        return points @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        moved: Floats = points @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        return moved
 
     def distance(self, other: "Pose2") -> float:
         """Distance (m) between the two origins."""

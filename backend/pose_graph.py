@@ -168,16 +168,15 @@ class PoseGraph:
                 graph.add(_origin())
         result = self._isam.update(graph, values, self._removed)
         self._slots.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
-        if graph.size() != len(self._queued) or any(self._closes_loop(self._factors[n]) for n in self._queued):
-            self._good = self.poses()
 
     def _start(self) -> Floats:
-        """(n, 3) where to start anew: the estimate after the last closure, and the guesses since, by the wheels."""
+        """(n, 3) where to start anew: the estimate as last asked for, and the way since by the wheels."""
         poses = list(self._good)
         for factor in self._factors.values():
             if isinstance(factor, Wheels) and factor.b == len(poses):
                 step = factor.motion.corrected(self._prior.values)
                 poses.append((Pose2.of(poses[-1]) @ step).array())
+        poses += [self.pose(k).array() for k in range(len(poses), self.keyframes)]  # no wheels lead there
         return np.array(poses)
 
     def _disagreement(self, factor: Factor) -> float:
@@ -200,7 +199,9 @@ class PoseGraph:
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`, as estimated now."""
-        return np.asarray(gtsam.utilities.extractPose2(self._isam.calculateEstimate()), dtype=np.float64).reshape(-1, 3)
+        estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
+        self._good = np.asarray(estimate, dtype=np.float64).reshape(-1, 3)
+        return self._good.copy()
 
     def calibration(self) -> WheelCalibration:
         """The wheels' calibration with its marginal sigmas."""
@@ -254,8 +255,9 @@ class PoseGraph:
         if not (0 <= factor.a < self.keyframes and 0 <= factor.b < self.keyframes) or factor.a == factor.b:
             raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {self.keyframes})")
         pose = factor.T_a_b if isinstance(factor, Between) else factor.motion.pose
-        if not pose.is_finite() or not np.isfinite(factor.covariance).all():
-            raise FactorError(f"{name}: its pose and covariance must be finite")
+        way = (0.0, 0.0) if isinstance(factor, Between) else (factor.motion.path_m, factor.motion.seconds)
+        if not pose.is_finite() or not np.isfinite(way).all() or not np.isfinite(factor.covariance).all():
+            raise FactorError(f"{name}: its pose, path, time and covariance must be finite")
         if factor.covariance.shape != (3, 3) or not np.allclose(factor.covariance, factor.covariance.T, rtol=1e-6):
             raise FactorError(f"{name}: its covariance must be a symmetric 3 x 3 matrix")
         if np.linalg.eigvalsh(factor.covariance)[0] <= 0:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
@@ -48,11 +49,11 @@ class Check:
 
 
 def nearest_candidate(
-    keyframe: int, poses: Floats, paths: Floats, usable: list[bool], config: ClosureConfig
+    keyframe: int, poses: Floats, paths: Floats, has_scan: NDArray[np.bool_], config: ClosureConfig
 ) -> int | None:
     """The keyframe with a scan nearest to `keyframe` in the estimate `poses` (n, 3), `min_path_m` or more before it."""
     last = int(np.searchsorted(paths, paths[keyframe] - config.min_path_m))
-    earlier = np.flatnonzero(np.array(usable[:last], bool))
+    earlier = np.flatnonzero(has_scan[:last])
     if len(earlier) == 0:
         return None
     distance = np.hypot(*(poses[earlier, :2] - poses[keyframe, :2]).T)

@@ -24,6 +24,7 @@ class Keyframes:
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
         self._paths = np.empty(64)
+        self._has_scan = np.zeros(64, np.bool_)
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -35,13 +36,20 @@ class Keyframes:
         """Add the next keyframe."""
         if len(self) == len(self._paths):
             self._paths = np.resize(self._paths, 2 * len(self._paths))
+            self._has_scan = np.resize(self._has_scan, len(self._paths))
         self._paths[len(self)] = keyframe.point.path_m
+        self._has_scan[len(self)] = keyframe.scan is not None
         self._keyframes.append(keyframe)
 
     @property
     def paths_m(self) -> Floats:
         """(n,) the path driven up to each keyframe."""
         return self._paths[: len(self)]
+
+    @property
+    def has_scan(self) -> NDArray[np.bool_]:
+        """(n,) whether each keyframe holds a scan."""
+        return self._has_scan[: len(self)]
 
     def scans_around(
         self, first: int, last: int, origin: Floats, poses: Floats

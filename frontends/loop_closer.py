@@ -21,6 +21,7 @@ from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.wifi import Fingerprint, WifiCandidate, WifiConfig
 
+REVIEWED = 20  # accepted closures: those that a new one may contradict
 UNCLAIMED_RAD = 30.0  # a sigma that says nothing of a heading
 
 
@@ -68,8 +69,8 @@ class LoopCloser:
         here = self._keyframes[keyframe]
         if here.scan is None or here.point.path_m - self._last_check_m < self._closure.check_every_m:
             return []
-        usable = [self._keyframes[k].scan is not None for k in range(keyframe)]
-        a = nearest_candidate(keyframe, poses, self._keyframes.paths_m, usable, self._closure)
+        keyframes = self._keyframes
+        a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
         if a is None:
             return []
         self._last_check_m = here.point.path_m
@@ -91,9 +92,9 @@ class LoopCloser:
         return events + self._checked(a, b, stamp_ns, guess, covariance, poses, "wifi", candidate.similarity)
 
     def review(self, poses: Floats) -> list[Event]:
-        """Take back accepted closures that the estimate contradicts after all; the newest fifty are looked at."""
+        """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
         events: list[Event] = []
-        for number in sorted(self._accepted)[-50:]:
+        for number in sorted(self._accepted)[-REVIEWED:]:
             judged = self._judged[number]
             T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
             distance = innovation_chi2 if judged.heading_claimed else position_chi2

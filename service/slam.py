@@ -32,6 +32,7 @@ from wayfi.service.scan_intake import PlacedScan
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
 SHOWN_SIMILARITIES = 50
+RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes
 
 
 class Timer(Protocol):
@@ -172,7 +173,7 @@ class Slam:
 
     def _refresh_recent(self) -> None:
         n = len(self.keyframes)
-        for k in range(max(0, n - self._config.lidar.submap_keyframes - 1), n):
+        for k in range(max(0, n - RECENT_KEYFRAMES), n):
             self._poses[k] = self.graph.pose(k).array()
 
     def _step_residual(self, number: int) -> float:
