@@ -179,8 +179,8 @@ def _search(
             for j in range(side):
                 bounds[(a * side + i) * side + j] = _bound(cells[a], coarse, offsets[i], offsets[j])
     order = np.argsort(-bounds, kind="mergesort")
-    best = (0, 0, 0)
-    best_score, second = -1.0, 0.0
+    best = (n_angles // 2, 0, 0)
+    best_score, second = 0.0, 0.0
     for k in range(min(max_coarse_cells, order.shape[0])):
         if bounds[order[k]] <= second:
             break

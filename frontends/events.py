@@ -30,6 +30,7 @@ class DropReason(StrEnum):
     NO_POSE = "no_pose"
     NO_TRANSFORM = "no_transform"
     TOO_LATE = "too_late"
+    AHEAD = "ahead_of_odometry"
     IMPLAUSIBLE_MOTION = "implausible_motion"
     SENSOR_OFF = "sensor_off"
     UNSUPPORTED = "unsupported"

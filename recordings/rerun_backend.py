@@ -11,6 +11,7 @@ from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_stream import Limiter, Stream
 from wayfi.recordings.rerun_style import ESTIMATE, ODOMETRY, STATE, VERDICT
 
+STAGES = ("scan_points", "scan_matching", "backend", "closure", "wifi")
 CALIBRATION = ("scale of distance", "scale of turning", "bias, rad/m", "bias, rad/s")
 
 
@@ -20,7 +21,6 @@ class Backend:
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
         self._sigma_limit = Limiter(config.pose_hz / 2)
-        self._stages: set[str] = set()
         self._style()
 
     def on_graph(self, event: GraphUpdated) -> None:
@@ -44,12 +44,8 @@ class Backend:
         self._scalars("calibration", *event.values)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Seconds by stage, shown in milliseconds."""
-        for stage, seconds in durations.items():
-            if stage not in self._stages:
-                self._stages.add(stage)
-                self._stream.style(f"/backend/time/{stage}", rr.SeriesLines(names=f"{stage}, ms"))
-            self._scalars(f"time/{stage}", 1e3 * seconds)
+        """Seconds by stage, shown in milliseconds; a stage that did not run is a gap."""
+        self._scalars("time", *(1e3 * durations.get(stage, np.nan) for stage in STAGES))
 
     def _scalars(self, name: str, *values: float) -> None:
         self._stream.log(f"/backend/{name}", rr.Scalars.from_fields(scalars=np.array(values, np.float64)))
@@ -62,6 +58,7 @@ class Backend:
         style("/backend/factors/in_and_out", in_and_out)
         style("/backend/factors/total", rr.SeriesLines(names="factors", colors=[ODOMETRY]))
         style("/backend/sigma", rr.SeriesLines(names=["sigma of position, m", "sigma of heading, °"]))
+        style("/backend/time", rr.SeriesLines(names=[f"{stage}, ms" for stage in STAGES]))
         style("/backend/calibration", rr.SeriesLines(names=CALIBRATION))
         values, colors = [s.value for s in State], [STATE[s] for s in State]
         style("/backend/state", rr.StateConfiguration(values=values, labels=values, colors=colors))

@@ -31,6 +31,8 @@ class ZenohConfig:
     listen: list[str] = option(["tcp/127.0.0.1:7447"], "endpoints", "loopback: nothing listens beyond unless told to")
     connect: list[str] = option([], "endpoints", "a router or peers to connect to; retried for ever")
     prefix: str = option("", "", "in front of every key; one for each robot of a fleet")
+    odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
+    scan_queue: int = option(20, "messages", "half a second at 40 Hz: behind a slow step the latest scans matter")
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,12 @@ class Config:
 _ADAPTER = TypeAdapter(Config)
 
 
-def load_config(files: Sequence[Path] = (), settings: Sequence[str] = ()) -> Config:
-    """The defaults, overridden by TOML `files` and then by `settings` (`section.key=VALUE`). Raises ConfigError."""
-    values: dict[str, Any] = {}
+def load_config(files: Sequence[Path] = (), settings: Sequence[str] = (), base_toml: str = "") -> Config:
+    """The defaults, overridden by `base_toml`, by TOML `files` and then by `settings` (`section.key=VALUE`).
+
+    `base_toml` is the configuration that a daemon's black box carries. Raises ConfigError.
+    """
+    values: dict[str, Any] = _parse_toml(base_toml, "the black box's configuration")
     for path in files:
         _merge(values, _read_toml(path))
     for setting in settings:
@@ -98,11 +103,18 @@ def config_dict(config: Any) -> dict[str, Any]:  # noqa: ANN401 - any section
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text())
+        return _parse_toml(path.read_text(), str(path))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is no TOML: {error}") from None
+
+
+def _parse_toml(text: str, where: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{where}: is no TOML: {error}") from None
 
 
 def _parse_setting(setting: str) -> dict[str, Any]:

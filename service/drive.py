@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from wayfi.backend.wheel_calibration import WheelCalibration
-from wayfi.frontends.events import DropReason, Event
+from wayfi.frontends.events import DropReason, Event, GraphUpdated
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
@@ -60,5 +60,5 @@ class Drive:
             for event in events:
                 self.tally.take(event)
                 self._log.log(event)
-            if len(events) > 1:
-                self._log.log_durations(self.timer.last)
+            if any(isinstance(event, GraphUpdated) for event in events):
+                self._log.log_durations(self.timer.take())

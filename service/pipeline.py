@@ -76,7 +76,6 @@ class Pipeline:
         self._scans = ScanIntake(config.lidar)
         self._wifi: deque[_WaitingWifi] = deque()
         self._trajectories = Trajectories()
-        self._unled: list[tuple[int, LaserScan]] = []
         self._laser_leads: LaserOdometry | None = None
         self._last_scan_path_m = -np.inf
         self._unmounted: set[str] = set()
@@ -98,7 +97,7 @@ class Pipeline:
 
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: what still waits is used or dropped, and the grid is drawn."""
-        events = list(self._lead_by_laser()) if self._unled and not self._trajectories else []
+        events = list(self._lead_by_laser(self._scans.waiting()[-1][0])) if self._scans.waiting() else []
         events += [Dropped(Sensor.WIFI, w.stamp_ns, DropReason.NO_POSE) for w in self._wifi]
         slam = self._slam
         if len(slam.keyframes):
@@ -129,9 +128,12 @@ class Pipeline:
             self._laser_leads = None
             self._wheels.restart()
             yield Warned(stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
-        self._unled, unled = [], self._unled
-        for scan_ns, scan in unled:
-            self._scans.wait(scan_ns, scan)
+        latest = self._wheels.latest
+        if latest is not None and stamp_ns <= latest.stamp_ns:
+            yield Dropped(Sensor.ODOM, stamp_ns, DropReason.TOO_LATE)
+            return
+        for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
+            yield Dropped(Sensor.SCAN, scan.stamp_ns, DropReason.AHEAD)
         yield from self._advance(stamp_ns, m.pose)
 
     def _advance(self, stamp_ns: int, T_odom_base: Pose2) -> Iterator[Event]:
@@ -169,24 +171,19 @@ class Pipeline:
         if len(returns(m, self._config.lidar.max_range_m)) == 0:
             yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN)
             return
-        if self._wheels.latest is None or self._laser_leads:
-            self._unled.append((stamp_ns, m))
-            if self._laser_leads or stamp_ns - self._unled[0][0] >= ODOMETRY_WAIT_NS:
-                yield from self._lead_by_laser()
-            return
-        if crowded_out := self._scans.wait(stamp_ns, m):
-            yield Dropped(Sensor.SCAN, crowded_out.stamp_ns, DropReason.NO_POSE)
+        self._scans.wait(stamp_ns, m)
         yield from self._use_scans()
+        if self._laser_leads or self._scans.waited_ns > ODOMETRY_WAIT_NS:
+            yield from self._lead_by_laser(stamp_ns)
 
-    def _lead_by_laser(self) -> Iterator[Event]:
-        """Without odometry, scan matching from scan to scan takes its place."""
+    def _lead_by_laser(self, stamp_ns: int) -> Iterator[Event]:
+        """Where no odometry comes, scan matching from scan to scan takes its place."""
         if self._laser_leads is None:
             self._laser_leads = LaserOdometry(self._config.lidar.max_range_m)
-            yield Warned(self._unled[0][0], "no odometry: the laser leads")
-        self._unled, unled = [], self._unled
-        for stamp_ns, scan in unled:
-            self._scans.wait(stamp_ns, scan)
-            yield from self._advance(stamp_ns, self._laser_leads.register(self._scans.points(scan)))
+            self._wheels.restart()
+            yield Warned(stamp_ns, "no odometry: the laser leads")
+        for scan_ns, scan in self._scans.waiting():
+            yield from self._advance(scan_ns, self._laser_leads.register(self._scans.points(scan)))
 
     def _use_scans(self) -> Iterator[Event]:
         for point, scan in self._scans.ready(self._wheels):

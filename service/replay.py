@@ -2,18 +2,21 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.wheel_calibration import WheelCalibration
-from wayfi.recordings.mcap_log import Record, Recording, open_recording
+from wayfi.recordings.calibration_file import parse_calibration, read_calibration
+from wayfi.recordings.mcap_log import Recording, open_recording
 from wayfi.recordings.rerun_log import open_log
 from wayfi.recordings.topics import Route, route
-from wayfi.service.config import Config
+from wayfi.service.blackbox import CALIBRATION, CONFIG
+from wayfi.service.config import Config, load_config
 from wayfi.service.drive import Drive
+from wayfi.service.pace import Pace
 from wayfi.service.results import Source, write_results
 
 Progress = Callable[[float], None]
@@ -30,6 +33,23 @@ class ReplayOptions:
     out: Path
     rate: float | None = None
     rrd: bool = True
+
+
+def settings_for(
+    recording_path: Path, files: Sequence[Path], settings: Sequence[str], calibration_path: Path | None
+) -> tuple[Config, WheelCalibration | None]:
+    """The configuration and calibration to replay a recording with: a black box's own, unless told otherwise.
+
+    Raises RecordingError, ConfigError or CalibrationError.
+    """
+    recording = open_recording(recording_path)
+    kept = recording.attachments() if recording.is_blackbox else {}
+    config = load_config(files, settings, kept.get(CONFIG, b"").decode(errors="replace"))
+    if calibration_path is not None:
+        return config, read_calibration(calibration_path)
+    if CALIBRATION not in kept:
+        return config, None
+    return config, parse_calibration(kept[CALIBRATION].decode(errors="replace"), f"{recording_path}: {CALIBRATION}")
 
 
 def replay(
@@ -60,7 +80,7 @@ def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: 
     routes: dict[tuple[str, str, str], Route] = {}
     unused: dict[str, str] = {}
     total = max(recording.message_count, 1)
-    pace = _Pace(rate)
+    pace = Pace(rate)
     for number, record in enumerate(recording):
         channel = (record.topic, record.type_name, record.encoding)
         if channel not in routes:
@@ -69,30 +89,12 @@ def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: 
         if found.sensor is None or found.encoding is None:
             unused[record.topic] = found.why
             continue
-        pace.wait_for(record)
+        pace.wait_for(record.log_time_ns)
         drive.feed(found.sensor, found.encoding, record.data)
         if number % 100 == 0:
             progress(number / total)
     progress(1.0)
     return unused
-
-
-class _Pace:
-    """Holds records back to `rate` times real time; None does not."""
-
-    def __init__(self, rate: float | None) -> None:
-        self._rate = rate
-        self._start: tuple[float, int] | None = None
-
-    def wait_for(self, record: Record) -> None:
-        if self._rate is None:
-            return
-        now = time.monotonic()
-        if self._start is None:
-            self._start = (now, record.log_time_ns)
-        due = self._start[0] + (record.log_time_ns - self._start[1]) * 1e-9 / self._rate
-        if due > now:
-            time.sleep(due - now)
 
 
 def _make_folder(out: Path) -> None:

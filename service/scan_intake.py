@@ -14,7 +14,6 @@ from wayfi.frontends.measurements import LaserScan, StaticTransforms
 from wayfi.frontends.odometry import PathPoint, Wheels
 
 NORMAL_REACH = 5
-WAITING_SCANS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +44,24 @@ class ScanIntake:
         """Whether the mount of a frame is known, from /tf_static or the configuration."""
         return bool(self._config.mount) or frame_id in self._mounts or frame_id == self._base_frame
 
-    def wait(self, stamp_ns: int, scan: LaserScan) -> LaserScan | None:
-        """Queue a scan until the odometry has come so far; returns the one that had to make room, if any."""
+    def wait(self, stamp_ns: int, scan: LaserScan) -> None:
+        """Queue a scan until the odometry has come so far."""
         self._waiting.append((stamp_ns, scan))
-        return self._waiting.popleft()[1] if len(self._waiting) > WAITING_SCANS else None
+
+    def waiting(self) -> list[tuple[int, LaserScan]]:
+        """The scans that wait, oldest first, each with its stamp on the time base."""
+        return list(self._waiting)
+
+    def drop_ahead(self, stamp_ns: int) -> list[LaserScan]:
+        """Forget the scans stamped after `stamp_ns`: their clock is not the odometry's."""
+        ahead = [scan for scan_ns, scan in self._waiting if scan_ns > stamp_ns]
+        self._waiting = deque(waiting for waiting in self._waiting if waiting[0] <= stamp_ns)
+        return ahead
+
+    @property
+    def waited_ns(self) -> int:
+        """From the oldest scan that waits to the newest."""
+        return self._waiting[-1][0] - self._waiting[0][0] if self._waiting else 0
 
     def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, LaserScan]]:
         """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""

@@ -11,7 +11,7 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import ZenohConfig
 from wayfi.service.queues import QueueDrop, Queues
-from wayfi.service.zenoh_session import ZenohError, key_of
+from wayfi.service.zenoh_session import key_of
 
 SYNC = "wayfi/sync"
 
@@ -29,15 +29,10 @@ class Subscribers:
     ) -> None:
         self._queues = queues
         with ExitStack() as opened:
-            try:
-                for sensor, topic in topics.items():
-                    key = key_of(config, topic)
-                    opened.enter_context(session.declare_subscriber(key, _direct(self._receiver(sensor))))
-                sync = key_of(config, SYNC)
-                answer = _direct(lambda query: query.reply(query.key_expr, b""))
-                opened.enter_context(session.declare_queryable(sync, answer))
-            except zenoh.ZError as error:
-                raise ZenohError(f"zenoh.prefix or a topic makes no key that Zenoh takes: {error}") from None
+            for sensor, topic in topics.items():
+                key = key_of(config, topic)
+                opened.enter_context(session.declare_subscriber(key, _direct(self._receiver(sensor))))
+            opened.enter_context(session.declare_queryable(key_of(config, SYNC), _direct(_answer)))
             self._opened = opened.pop_all()
 
     def __enter__(self) -> Self:
@@ -59,6 +54,11 @@ class Subscribers:
             self._queues.put(sensor, Encoding.JSON if is_json else Encoding.CDR, sample.payload.to_bytes())
 
         return receive
+
+
+def _answer(query: zenoh.Query) -> None:
+    with query:
+        query.reply(query.key_expr, b"")
 
 
 def _direct(callback: Callable[[Any], object]) -> Any:  # noqa: ANN401 - Zenoh's stubs do not let it pass as a handler

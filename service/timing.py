@@ -13,7 +13,7 @@ class StageTimer:
 
     def __init__(self) -> None:
         self._seconds: defaultdict[str, list[float]] = defaultdict(list)
-        self.last: dict[str, float] = {}
+        self._last: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
@@ -22,7 +22,12 @@ class StageTimer:
         yield
         seconds = time.perf_counter() - start
         self._seconds[stage].append(seconds)
-        self.last[stage] = seconds
+        self._last[stage] = seconds
+
+    def take(self) -> dict[str, float]:
+        """The seconds of the last call of every stage that ran since this was last asked."""
+        self._last, last = {}, self._last
+        return last
 
     def report(self) -> dict[str, dict[str, float]]:
         """For each stage: seconds in all, and the p50, p99 and max of a call in ms."""

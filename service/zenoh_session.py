@@ -1,7 +1,8 @@
 """Sessions on Zenoh: nothing is found by multicast, and nothing listens beyond what the configuration says."""
 
 import json
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import zenoh
@@ -9,6 +10,7 @@ import zenoh
 from wayfi.backend.errors import WayfiError
 from wayfi.service.config import ZenohConfig
 
+RETRY_S = 0.2
 RETRY = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 WAIT_BEFORE_CLOSE_US = 60_000_000  # of a reliable put to a daemon that is busy; Zenoh's own 5 s would cut it off
 
@@ -30,16 +32,32 @@ def open_session(config: ZenohConfig) -> zenoh.Session:
 
 
 def open_guest_session(config: ZenohConfig) -> zenoh.Session:
-    """A session that listens nowhere and connects to `config.connect`, or else to where the daemon listens.
+    """A client of `config.connect`, or else of the daemon at the endpoints where it listens.
 
-    It starts alone, and goes on trying to connect. Raises ZenohError.
+    A client, because a peer such as the daemon passes on between a client and others, but not between two peers.
+    Raises ZenohError; UnreachableError where nobody answers.
     """
-    return _open("peer", [], config.connect or config.listen)
+    return _open("client", [], config.connect or config.listen)
+
+
+def patiently(open_once: Callable[[], zenoh.Session], keep_trying: Callable[[UnreachableError], bool]) -> zenoh.Session:
+    """What `open_once` opens; asked again while nobody answers and `keep_trying`. Raises ZenohError."""
+    while True:
+        try:
+            return open_once()
+        except UnreachableError as error:
+            if not keep_trying(error):
+                raise
+            time.sleep(RETRY_S)
 
 
 def key_of(config: ZenohConfig, name: str) -> str:
-    """The key of a topic or of one of wayfi's own names: `<prefix>/name`, no slash at either end."""
-    return "/".join(part for part in (config.prefix.strip("/"), name.strip("/")) if part)
+    """The key of a topic or of one of wayfi's own names: `<prefix>/name`, no slash at either end. Raises ZenohError."""
+    key = "/".join(part for part in (config.prefix.strip("/"), name.strip("/")) if part)
+    try:
+        return str(zenoh.KeyExpr(key))
+    except zenoh.ZError:
+        raise ZenohError(f"{key!r} is no key for Zenoh: change zenoh.prefix, or the topic in recording") from None
 
 
 def _open(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, wrap
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, wrap
 from wayfi.backend.pose_graph import BackendConfig, Between, Factor, FactorError, PoseGraph, Wheels
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.frontends.odometry import OdometryConfig, calibration_prior
@@ -245,17 +245,20 @@ def test_slots_that_are_used_again_are_not_mixed_up() -> None:
 # A drive in rounds
 
 
-def test_the_calibration_is_recovered_from_closures() -> None:
+def test_the_turning_of_the_wheels_is_recovered_from_closures() -> None:
+    """Their scale of distance is not: a smaller map closes as well, and its sigma says so."""
     truth = np.array([0.008, 0.02, 0.026, 0.0])
     recorded = loops(truth, 3)
     graph = PoseGraph(BackendConfig(), PRIOR)
     drive(graph, recorded, {k: k - 80 for k in range(80, 240, 10)})
     graph.settle()
     found = graph.calibration()
-    assert np.abs(found.values - truth)[:3] == pytest.approx([0, 0, 0], abs=0.004)
+    assert abs(found.values[1] - truth[1]) < 0.008
+    assert abs(found.values[2] - truth[2]) < 0.004
     assert (np.abs(found.values - truth) < 4 * found.sigmas).all()
-    assert found.sigmas[2] < PRIOR.sigmas[2] / 5
-    assert errors_m(graph, recorded.truth).max() < 0.25
+    assert (found.sigmas[1:3] < PRIOR.sigmas[1:3] / 5).all()
+    assert found.sigmas[0] > 0.9 * PRIOR.sigmas[0]
+    assert errors_m(graph, recorded.truth).max() < 0.2
 
 
 def test_a_closure_far_off_is_optimised_anew_and_converges() -> None:
@@ -266,7 +269,7 @@ def test_a_closure_far_off_is_optimised_anew_and_converges() -> None:
     for a in (0, 1):
         graph.add(Between(a, 80 - a, recorded.truth[a].between(recorded.truth[80 - a]), CLOSURE))
     graph.update()
-    assert errors_m(graph, recorded.truth).max() < 0.6
+    assert errors_m(graph, recorded.truth).max() < 0.3
     assert abs(graph.calibration().values[2] - 0.03) < 0.01
 
 
@@ -290,7 +293,7 @@ def test_rebuilding_from_the_solution_keeps_it_and_what_comes_after_still_works(
     graph.settle()
     before, covariance = graph.poses(), graph.covariance(160)
     graph.rebuild(graph.calibration_values(), before)
-    np.testing.assert_allclose(graph.poses(), before, atol=5e-3)
+    np.testing.assert_allclose(between_all(before, graph.poses()), 0, atol=5e-3)
     np.testing.assert_allclose(graph.covariance(160), covariance, rtol=0.05, atol=1e-6)
     removed = next(n for n, f in graph.factors().items() if isinstance(f, Between))
     graph.remove(removed)

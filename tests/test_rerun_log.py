@@ -68,7 +68,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
 def write(log: Log, events: list[Event]) -> None:
     for event in events:
         log.log(event)
-    log.log_durations({"wifi": 0.002, "update": 0.004})
+    log.log_durations({"wifi": 0.002, "backend": 0.004})
     log.close()
 
 
@@ -124,7 +124,7 @@ def test_what_is_promised_is_there(driven: Driven) -> None:
         "/map/submaps/0000", "/map/submaps/0000/path", "/map/submaps/0000/scans", "/wifi/rssi", "/wifi/similarity",
         "/wifi/places/similar", "/wifi/sequences/a", "/wifi/sequences/b", "/check/scans/before", "/check/scans/after",
         "/check/inlier_ratio/closure", "/backend/residual", "/backend/factors/in_and_out", "/backend/state",
-        "/backend/time/update", "/log/verdicts", "/log/state", "/log/warnings", "/log/drops",
+        "/backend/time", "/log/verdicts", "/log/state", "/log/warnings", "/log/drops",
     ):  # fmt: skip
         assert path in entities
     assert {path.split("/")[3] for path in entities if path.startswith("/map/closures/")} == set(Verdict)

@@ -1,0 +1,29 @@
+"""SIGINT and SIGTERM as something to look at between two messages."""
+
+import signal
+from types import FrameType, TracebackType
+from typing import Self
+
+
+class StopSignal:
+    """While entered, the first SIGINT or SIGTERM sets `requested` and `name`; further ones change nothing."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        self.name = ""
+        self._before: dict[signal.Signals, object] = {}
+
+    def __enter__(self) -> Self:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._take)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def _take(self, number: int, _: FrameType | None) -> None:
+        self.name = self.name or signal.Signals(number).name
+        self.requested = True

@@ -1,0 +1,89 @@
+"""How the daemon is doing: state, rates, queues, drops and latencies, as its status and its report tell it."""
+
+import time
+from array import array
+from typing import Any
+
+import numpy as np
+
+from wayfi.backend.health import State
+from wayfi.frontends.events import Event, PosePublished, StateChanged
+from wayfi.frontends.measurements import Sensor
+from wayfi.service.output_messages import ERROR, OK, WARN, Status
+from wayfi.service.queues import Queues
+
+LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
+RECENT_POSES = 1000
+PERIOD_S = 1.0
+
+
+class Latencies:
+    """Seconds from the receive callback of a message to the put of the pose that it gave."""
+
+    def __init__(self) -> None:
+        self._seconds = array("d")
+
+    def __len__(self) -> int:
+        return len(self._seconds)
+
+    def add(self, seconds: float) -> None:
+        """Add one pose."""
+        self._seconds.append(seconds)
+
+    def summary(self, last: int | None = None) -> dict[str, float]:
+        """p50, p99 and max in ms, of the `last` poses or of all; empty before the first."""
+        seconds = np.array(self._seconds[-last:] if last else self._seconds)
+        if not len(seconds):
+            return {}
+        p50, p99, most = np.percentile(seconds, [50, 99, 100]) * 1e3
+        return {"p50_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3), "max_ms": round(float(most), 3)}
+
+
+class VitalSigns:
+    """Keeps what the status tells; due once a second and whenever the state has changed."""
+
+    def __init__(self, topics: dict[Sensor, str], queues: Queues) -> None:
+        self._topics = topics
+        self._queues = queues
+        self._state = State.UNCERTAIN
+        self._reason = "no odometry and no scan yet"
+        self._told: tuple[State, float] | None = None
+        self._received: tuple[float, dict[Sensor, int]] = (time.monotonic(), {})
+        self._rates: dict[Sensor, float] = {}
+        self.latencies = Latencies()
+
+    def take(self, event: Event, received_s: float) -> None:
+        """Learn from an event that was published just now, and of the moment when its message was received."""
+        match event:
+            case PosePublished():
+                if self._state is not event.state or not len(self.latencies):
+                    self._state, self._reason = event.state, ""
+                self.latencies.add(time.monotonic() - received_s)
+            case StateChanged():
+                self._state, self._reason = event.state, event.reason
+
+    def due(self) -> bool:
+        """Whether the status is to be told now."""
+        return self._told is None or self._told[0] is not self._state or time.monotonic() - self._told[1] >= PERIOD_S
+
+    def status(self, dropped: dict[str, dict[str, int]], extra: dict[str, Any]) -> Status:
+        """The status as of now; `dropped` by topic and reason."""
+        self._told = (self._state, time.monotonic())
+        values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
+        values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
+        values |= {f"queue.{self._topics[sensor]}": depth for sensor, depth in self._queues.depths().items()}
+        values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
+        values |= {"poses": len(self.latencies)}
+        values |= {f"latency.{name}": value for name, value in self.latencies.summary(RECENT_POSES).items()}
+        message = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
+        return Status(LEVEL[self._state], message, {key: str(value) for key, value in values.items()})
+
+    def _measured_rates(self) -> dict[Sensor, float]:
+        """Messages a second since they were last measured, at least half a period ago."""
+        now_s, (since_s, before) = time.monotonic(), self._received
+        if now_s - since_s >= PERIOD_S / 2 or not self._rates:
+            received = self._queues.received()
+            seconds = max(now_s - since_s, 1e-3)
+            self._rates = {sensor: (n - before.get(sensor, 0)) / seconds for sensor, n in received.items()}
+            self._received = (now_s, received)
+        return self._rates

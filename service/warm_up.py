@@ -1,0 +1,52 @@
+"""A short made-up drive before the real one: what is compiled or loaded at first use is ready when the robot starts."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, Sensor, WifiScan
+from wayfi.recordings.codec import encode
+from wayfi.recordings.rerun_log import NullLog
+from wayfi.recordings.topics import Encoding
+from wayfi.service.config import Config
+from wayfi.service.drive import Drive
+
+STEPS = 60
+STEP_M = 0.1
+STEP_NS = 100_000_000
+BEAMS = 360
+ROOM_M = 8.0
+
+
+def warm_up(config: Config) -> None:
+    """Feed the made-up drive through a pipeline of its own, and forget it."""
+    drive = Drive(config, None, NullLog())
+    for sensor, measurement in _measurements():
+        drive.feed(sensor, Encoding.CDR, encode(measurement))
+    drive.finish()
+
+
+def _measurements() -> Iterator[tuple[Sensor, Measurement]]:
+    """A robot that drives to the middle of a square room and back."""
+    for i in range(STEPS):
+        stamp_ns = (i + 1) * STEP_NS
+        x = STEP_M * min(i, STEPS - i)
+        yield Sensor.ODOM, Odometry(stamp_ns, Pose2(x, 0.0, 0.0))
+        yield Sensor.SCAN, _scan(stamp_ns, x)
+        if i % 10 == 0:
+            yield Sensor.WIFI, _wifi(stamp_ns)
+
+
+def _scan(stamp_ns: int, x: float) -> LaserScan:
+    angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
+    with np.errstate(divide="ignore"):
+        to_side = np.abs(ROOM_M / np.sin(angles))
+        to_end = np.where(np.cos(angles) > 0, ROOM_M - x, ROOM_M + x) / np.abs(np.cos(angles))
+    ranges = np.minimum(to_side, to_end).astype(np.float32)
+    return LaserScan(stamp_ns, "base_link", ranges, -np.pi, 2 * np.pi / BEAMS, 0.1, 30.0)
+
+
+def _wifi(stamp_ns: int) -> WifiScan:
+    bssids = tuple(f"02:00:00:00:00:{i:02x}" for i in range(10))
+    return WifiScan(stamp_ns, "warm_up", bssids, np.linspace(-80, -40, 10, dtype=np.float32), np.zeros(10, np.float32))

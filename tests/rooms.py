@@ -1,0 +1,32 @@
+"""Rooms with known walls, and what a laser sees of them: the geometry that tests of scan matching share."""
+
+import math
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.laser_points import ScanPoints, normals_along, thin
+from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
+from wayfi.recordings.simulation.surfaces import box, still
+
+HALL = np.concatenate([box(-6.0, -4.0, 9.0, 5.0), box(2.0, -1.0, 2.6, -0.4), box(-3.0, 2.0, -2.0, 2.4), box(5, 1, 6, 3)])
+TWO_FOLD = np.concatenate([box(-4.0, -3.0, 4.0, 3.0), box(1.0, 1.0, 2.0, 1.5), box(-2.0, -1.5, -1.0, -1.0)])
+CORRIDOR = np.array([[-100.0, -1.2, 100.0, -1.2], [-100.0, 1.2, 100.0, 1.2]])
+
+
+def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0.01) -> ScanPoints:
+    """What a 270 degree laser at `pose` sees of `faces` (n, 4), in base_link, with noise."""
+    exact = ranges(still(faces), pose.array()[None], np.zeros(1))[0]
+    seen = np.flatnonzero(np.isfinite(exact))
+    bearing = ANGLE_MIN + ANGLE_INCREMENT * np.arange(BEAMS)[seen]
+    measured = exact[seen] + sigma_m * rng.standard_normal(len(seen))
+    points = measured[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    normals = normals_along(points, np.zeros(2), 5, 0.2)
+    kept = thin(points, 0.08)
+    return ScanPoints(points[kept], normals[kept], Pose2())
+
+
+def off_by(rng: np.random.Generator, metres: float, degrees: float) -> Pose2:
+    """A displacement of exactly `metres`, turned by exactly `degrees`, in a random direction."""
+    direction, sign = rng.uniform(-math.pi, math.pi), rng.choice([-1.0, 1.0])
+    return Pose2(metres * math.cos(direction), metres * math.sin(direction), sign * math.radians(degrees))
