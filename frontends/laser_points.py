@@ -60,6 +60,22 @@ def planar_mount(transform: StaticTransform) -> tuple[Pose2, bool]:
 
 
 @njit(cache=True)
+def place_all(points: Floats, normals: Floats, lengths: NDArray[np.int64], poses: Floats) -> tuple[Floats, Floats]:
+    """Several scans' points and normals (n, 2), `lengths` (m,) of each after the other, moved by their (m, 3) poses."""
+    placed, turned = np.empty_like(points), np.empty_like(normals)
+    i = 0
+    for k in range(lengths.shape[0]):
+        c, s = np.cos(poses[k, 2]), np.sin(poses[k, 2])
+        for _ in range(lengths[k]):
+            placed[i, 0] = c * points[i, 0] - s * points[i, 1] + poses[k, 0]
+            placed[i, 1] = s * points[i, 0] + c * points[i, 1] + poses[k, 1]
+            turned[i, 0] = c * normals[i, 0] - s * normals[i, 1]
+            turned[i, 1] = s * normals[i, 0] + c * normals[i, 1]
+            i += 1
+    return placed, turned
+
+
+@njit(cache=True)
 def normals_along(points: Floats, origin: Floats, reach: int, radius_m: float) -> Floats:
     """(n, 2) unit normals of points (n, 2) in beam order, from up to `reach` neighbours a side; NaN where no line fits.
 

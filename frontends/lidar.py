@@ -9,7 +9,7 @@ from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.correlative import CorrelativeConfig, build_field, search
 from wayfi.frontends.icp import IcpConfig, IcpResult, icp
-from wayfi.frontends.laser_points import ScanPoints
+from wayfi.frontends.laser_points import ScanPoints, place_all
 from wayfi.frontends.point_index import PointIndex, build_index
 
 
@@ -58,14 +58,12 @@ class ScanMatch:
 
 def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> PointIndex | None:
     """The index of several scans at (n, 3) poses in the submap's frame; None if they hold no points."""
-    points, normals = [], []
-    for scan, pose in zip(scans, poses, strict=True):
-        T = Pose2.of(pose)
-        points.append(T.transform(scan.points))
-        normals.append(Pose2(0.0, 0.0, T.theta).transform(scan.normals))
-    if sum(map(len, points)) == 0:
+    if sum(len(scan.points) for scan in scans) == 0:
         return None
-    return build_index(np.concatenate(points), np.concatenate(normals), cell_m)
+    lengths = np.array([len(scan.points) for scan in scans])
+    points = np.concatenate([scan.points for scan in scans])
+    normals = np.concatenate([scan.normals for scan in scans])
+    return build_index(*place_all(points, normals, lengths, poses), cell_m)
 
 
 def match_scan(

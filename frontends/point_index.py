@@ -29,18 +29,27 @@ class PointIndex:
 
 def build_index(points: Floats, normals: Floats, cell_m: float) -> PointIndex:
     """The index of `points` (n >= 1, 2) with `normals` (n, 2); points beyond MAX_CELLS cells make the cells larger."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = _bounds(points)
     extent = np.maximum(high - low, cell_m)
     cell_m = max(cell_m, float(np.sqrt(extent[0] * extent[1] / MAX_CELLS)))
     rows, columns = (int(n) + 1 for n in (high - low) / cell_m)
-    order, starts = _sort_by_cell(points, low, cell_m, rows, columns)
-    return PointIndex(points[order], normals[order], starts, low, cell_m, rows, columns)
+    return PointIndex(*_sort_by_cell(points, normals, low, cell_m, rows, columns), low, cell_m, rows, columns)
+
+
+@njit(cache=True)
+def _bounds(points: Floats) -> tuple[Floats, Floats]:
+    low, high = points[0].copy(), points[0].copy()
+    for i in range(points.shape[0]):
+        for axis in range(2):
+            low[axis] = min(low[axis], points[i, axis])
+            high[axis] = max(high[axis], points[i, axis])
+    return low, high
 
 
 @njit(cache=True)
 def _sort_by_cell(
-    points: Floats, origin: Floats, cell_m: float, rows: int, columns: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    points: Floats, normals: Floats, origin: Floats, cell_m: float, rows: int, columns: int
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
     n = points.shape[0]
     cells = np.empty(n, np.int64)
     starts = np.zeros(rows * columns + 1, np.int64)
@@ -52,11 +61,13 @@ def _sort_by_cell(
     for c in range(rows * columns):
         starts[c + 1] += starts[c]
     cursor = starts[:-1].copy()
-    order = np.empty(n, np.int64)
+    sorted_points, sorted_normals = np.empty_like(points), np.empty_like(normals)
     for i in range(n):
-        order[cursor[cells[i]]] = i
+        row = cursor[cells[i]]
+        sorted_points[row] = points[i]
+        sorted_normals[row] = normals[i]
         cursor[cells[i]] += 1
-    return order, starts
+    return sorted_points, sorted_normals, starts
 
 
 @njit(cache=True)

@@ -68,6 +68,7 @@ def _open(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Ses
         "listen": {"endpoints": list(listen)},
         "connect": {"endpoints": list(connect), "retry": RETRY},
         "scouting": {"multicast": {"enabled": False}},
+        "timestamping": {"enabled": True},  # what is kept for late joiners is ordered by it
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
     }
     if mode != "client":

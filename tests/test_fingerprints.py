@@ -1,0 +1,137 @@
+"""Similarity over the inverted index, against the formula over plain dictionaries."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wayfi.frontends.events import DropReason
+from wayfi.frontends.fingerprints import FingerprintIndex, Readings, usable_readings
+from wayfi.frontends.measurements import WifiScan
+
+SIGMA_DB = 6.0
+
+
+def bssid(number: int) -> str:
+    return "02:00:00:00:" + f"{number >> 8:02x}:{number & 255:02x}"
+
+
+Levels = dict[int, float]
+LEVELS = st.dictionaries(st.integers(0, 12), st.floats(-100, -20, width=32), min_size=1, max_size=8)
+
+
+def readings(levels: Levels) -> Readings:
+    return Readings(
+        tuple(bssid(number) for number in levels),
+        np.array(list(levels.values()), np.float32),
+        np.zeros(len(levels), np.float32),
+        (),
+    )
+
+
+def formula(a: Levels, b: Levels) -> float:
+    """H / (L_a + L_b - H) times the mean over the H common access points of exp(-(a - b)^2 / 2 sigma^2)."""
+    common = a.keys() & b.keys()
+    if not common:
+        return 0.0
+    likelihoods = [math.exp(-((a[n] - b[n]) ** 2) / (2 * SIGMA_DB**2)) for n in common]
+    return len(common) / (len(a) + len(b) - len(common)) * (sum(likelihoods) / len(common))
+
+
+def index_of(prints: list[Levels]) -> FingerprintIndex:
+    index = FingerprintIndex(SIGMA_DB)
+    assert [index.add(readings(levels)) for levels in prints] == list(range(len(prints)))
+    return index
+
+
+@settings(deadline=None)
+@given(st.lists(LEVELS, min_size=2, max_size=8))
+def test_similarity_is_the_formula(prints: list[Levels]) -> None:
+    index = index_of(prints)
+    for number in range(len(prints)):
+        expected = [formula(prints[number], earlier) for earlier in prints[:number]]
+        np.testing.assert_allclose(index.similarity(number), expected, atol=1e-5)
+
+
+@settings(deadline=None)
+@given(st.lists(LEVELS, min_size=1, max_size=8))
+def test_the_matrix_is_symmetric_one_on_its_diagonal_and_agrees_with_the_index(prints: list[Levels]) -> None:
+    index, every = index_of(prints), np.arange(len(prints))
+    matrix = index.similarities(every, every)
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+    np.testing.assert_allclose(np.diag(matrix), 1.0, atol=1e-12)
+    assert (matrix >= 0).all()
+    assert (matrix <= 1 + 1e-12).all()
+    for number in every:
+        np.testing.assert_allclose(index.similarity(number), matrix[number, :number], atol=1e-12)
+
+
+def test_rows_and_columns_are_those_asked_for() -> None:
+    prints: list[Levels] = [{0: -50.0}, {0: -56.0}, {1: -50.0}, {0: -50.0, 1: -50.0}]
+    matrix = index_of(prints).similarities(np.array([3, 0]), np.array([1, 2]))
+    expected = [[formula(prints[r], prints[c]) for c in (1, 2)] for r in (3, 0)]
+    np.testing.assert_allclose(matrix, expected, atol=1e-6)
+    assert matrix[1, 1] == 0.0
+
+
+def test_the_index_grows_and_forgets_nothing() -> None:
+    rng = np.random.default_rng(0)
+    prints: list[Levels] = [
+        {int(n): float(rng.uniform(-90, -30)) for n in rng.choice(2000, 40, replace=False)} for _ in range(600)
+    ]
+    index = index_of(prints)
+    assert index.size == 600
+    expected = [formula(prints[-1], earlier) for earlier in prints[:-1]]
+    np.testing.assert_allclose(index.similarity(599), expected, atol=1e-5)
+    some = np.array([0, 17, 300, 598])
+    plain = [[formula(prints[r], prints[c]) for c in some] for r in some]
+    np.testing.assert_allclose(index.similarities(some, some), plain, atol=1e-5)
+
+
+# What is usable of a scan
+
+
+def scan(bssids: list[str], rssi: list[float], age_s: list[float] | None = None) -> WifiScan:
+    ages = np.array(age_s or [0.0] * len(rssi), np.float32)
+    return WifiScan(0, "phone", tuple(bssids), np.array(rssi, np.float32), ages)
+
+
+@pytest.mark.parametrize(
+    "bad", ["", "aa:bb:cc:dd:ee", "AA:BB:CC:DD:EE:FF", "aa-bb-cc-dd-ee-ff", "aa:bb:cc:dd:ee:ff:00", "the office"]
+)
+def test_what_is_no_bssid_is_dropped(bad: str) -> None:
+    usable = usable_readings(scan([bad, bssid(1)], [-50.0, -60.0]))
+    assert usable.bssids == (bssid(1),)
+    assert usable.dropped == (DropReason.MALFORMED_BSSID,)
+
+
+@pytest.mark.parametrize("absurd", [0.1, 7.0, -120.1, math.nan, math.inf, -math.inf])
+def test_an_absurd_rssi_is_dropped(absurd: float) -> None:
+    usable = usable_readings(scan([bssid(0), bssid(1)], [absurd, -60.0]))
+    assert usable.bssids == (bssid(1),)
+    assert usable.dropped == (DropReason.ABSURD_RSSI,)
+
+
+def test_the_ends_of_the_range_are_in_it() -> None:
+    assert usable_readings(scan([bssid(0), bssid(1)], [0.0, -120.0])).dropped == ()
+
+
+def test_of_a_repeated_bssid_the_strongest_reading_stays_with_its_age() -> None:
+    usable = usable_readings(scan([bssid(0)] * 3, [-70.0, -50.0, -60.0], [1.0, 2.0, 3.0]))
+    assert usable.bssids == (bssid(0),)
+    assert usable.rssi.tolist() == [-50.0]
+    assert usable.age_s.tolist() == [2.0]
+    assert usable.dropped == ()
+
+
+def test_an_age_that_cannot_be_is_one_that_is_not_known() -> None:
+    usable = usable_readings(scan([bssid(n) for n in range(4)], [-50.0] * 4, [-1.0, math.nan, 1e6, 5.0]))
+    assert usable.age_s.tolist() == [0.0, 0.0, 0.0, 5.0]
+
+
+def test_a_scan_without_readings_is_empty() -> None:
+    usable = usable_readings(scan([], []))
+    assert usable.bssids == ()
+    assert usable.rssi.shape == usable.age_s.shape == (0,)

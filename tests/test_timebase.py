@@ -1,0 +1,89 @@
+"""Stamps stay monotone, whatever the clock does, and what is dropped has its reason."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wayfi.frontends.events import DropReason
+from wayfi.frontends.timebase import LASTING_JUMP_NS, LASTING_MESSAGES, TimeBase
+
+S = 1_000_000_000
+MS = 1_000_000
+START = 1_700_000_000 * S
+
+
+def accepted(time: TimeBase, stream: str, stamps: list[int]) -> list[int]:
+    return [s.stamp_ns for s in (time.accept(stream, stamp) for stamp in stamps) if s.dropped is None]
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(["odom", "scan"]), st.integers(-(10**12), 10**12)), max_size=60))
+def test_what_is_accepted_of_a_stream_strictly_increases(messages: list[tuple[str, int]]) -> None:
+    time, last = TimeBase(), {}
+    for stream, stamp_ns in messages:
+        before = time.offset_ns
+        stamped = time.accept(stream, stamp_ns)
+        assert stamped.shift_ns == time.offset_ns - before
+        if stamped.dropped is None:
+            assert stamped.stamp_ns > last.get(stream, -(10**18))
+            last[stream] = stamped.stamp_ns
+
+
+@settings(deadline=None)
+@given(st.sets(st.integers(0, 10**15), min_size=1, max_size=40))
+def test_stamps_in_order_pass_as_they_are(stamps: set[int]) -> None:
+    assert accepted(TimeBase(), "odom", sorted(stamps)) == sorted(stamps)
+
+
+def test_a_duplicate_and_a_single_jump_back_are_dropped() -> None:
+    time = TimeBase()
+    stamps = [START, START + S, START + S, START - 60 * S, START + 2 * S, START + S + 1, START + 3 * S]
+    reasons = [time.accept("odom", stamp).dropped for stamp in stamps]
+    back = DropReason.STAMP_BACK
+    assert reasons == [None, None, DropReason.DUPLICATE, back, None, back, None]
+    assert time.offset_ns == 0
+
+
+def test_a_clock_set_back_shifts_the_time_base_once_and_for_all_sensors() -> None:
+    time, step, back = TimeBase(), 100 * MS, 3600 * S
+    before = [START + k * step for k in range(20)]
+    assert accepted(time, "odom", before) == before
+    assert accepted(time, "scan", before) == before
+    after = [START - back + (20 + k) * step for k in range(20)]
+    seen = [time.accept("odom", stamp) for stamp in after]
+    assert [s.dropped for s in seen[: LASTING_MESSAGES - 1]] == [DropReason.STAMP_BACK] * (LASTING_MESSAGES - 1)
+    assert seen[LASTING_MESSAGES - 1].shift_ns == time.offset_ns == back
+    assert [s.stamp_ns for s in seen[LASTING_MESSAGES - 1 :]] == [stamp + back for stamp in after[LASTING_MESSAGES - 1 :]]
+    assert accepted(time, "scan", after) == [stamp + back for stamp in after]
+    assert time.offset_ns == back
+
+
+def test_four_stamps_behind_are_dropped_and_the_fifth_comes_too_late_to_shift() -> None:
+    time = TimeBase()
+    accepted(time, "odom", [START, START + 100 * MS])
+    for k in range(LASTING_MESSAGES - 1):
+        assert time.accept("odom", START - 10 * S + k).dropped is DropReason.STAMP_BACK
+    assert time.accept("odom", START + 200 * MS).dropped is None
+    for k in range(LASTING_MESSAGES - 1):
+        assert time.accept("odom", START - 10 * S + k).dropped is DropReason.STAMP_BACK
+    assert time.offset_ns == 0
+
+
+def test_a_lasting_jump_of_less_than_a_second_is_waited_out() -> None:
+    time = TimeBase()
+    accepted(time, "odom", [START, START + LASTING_JUMP_NS])
+    late = [START + k * MS for k in range(20)]
+    assert accepted(time, "odom", late) == []
+    assert time.offset_ns == 0
+    assert accepted(time, "odom", [START + LASTING_JUMP_NS + 1]) == [START + LASTING_JUMP_NS + 1]
+
+
+def test_a_gap_is_a_gap() -> None:
+    stamps = [START, START + 3600 * S, START + 3601 * S]
+    assert accepted(TimeBase(), "odom", stamps) == stamps
+
+
+def test_streams_need_no_order_between_them() -> None:
+    time = TimeBase()
+    assert accepted(time, "odom", [START + 10 * S]) == [START + 10 * S]
+    assert accepted(time, "wifi:phone", [START]) == [START]
+    assert accepted(time, "wifi:tablet", [START]) == [START]
