@@ -21,7 +21,8 @@ def in_b(covariance: Floats, theta_a_b: float) -> Floats:
     """A covariance (3, 3) of T_a_b in the axes of a, in the axes of b (where gtsam's tangent space lies)."""
     c, s = math.cos(theta_a_b), math.sin(theta_a_b)
     R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return R @ covariance @ R.T
+    turned: Floats = R @ covariance @ R.T
+    return turned
 
 
 def between_factor(a: int, b: int, T_a_b: Pose2, covariance: Floats) -> gtsam.NonlinearFactor:

@@ -25,7 +25,8 @@ class FactorError(WayfiError):
 class BackendConfig:
     """The back end's settings."""
 
-    relinearize_pose: float = option(0.05, "m or rad", "above this a linearisation point is off by more than closures are")
+    relinearize_m: float = option(1.0, "m", "a relative pose is linear in places: only turning makes them matter")
+    relinearize_rad: float = option(0.05, "rad", "half a metre of step is then off by less than a millimetre")
     relinearize_calibration: float = option(0.002, "1, rad/m or rad/s", "0.002 rad/m bends 20 m of path by 0.4 m")
     leap_m: float = option(1.0, "m", "a closure further off than this leaves the basin of a Gauss-Newton step")
     settle_updates: int = option(5, "", "at the end of a drive: what the last closures moved is relinearised")
@@ -180,7 +181,7 @@ class PoseGraph:
         return np.array(poses)
 
     def _disagreement(self, factor: Factor) -> float:
-        """How far (m) a closure is from the estimate, beyond three of its sigmas; 0 for a factor that closes no loop."""
+        """How far (m) a closure is from the estimate, beyond three sigmas of it; 0 for a factor that closes none."""
         if not self._closes_loop(factor):
             return 0.0
         assert isinstance(factor, Between)
@@ -236,7 +237,10 @@ class PoseGraph:
     def _fresh_isam(self, calibration: Floats | None = None) -> gtsam.ISAM2:
         params = gtsam.ISAM2Params()
         thresholds = gtsam.ISAM2ThresholdMap()
-        thresholds.insert(("x", np.full(3, self._config.relinearize_pose)))
+        pose_threshold = np.array(
+            [self._config.relinearize_m, self._config.relinearize_m, self._config.relinearize_rad]
+        )
+        thresholds.insert(("x", pose_threshold))
         thresholds.insert(("c", np.full(4, self._config.relinearize_calibration)))
         params.setRelinearizeThreshold(thresholds)
         params.relinearizeSkip = 1

@@ -1,8 +1,8 @@
 """How a robot's wheels err systematically, and the motion that they really made.
 
 The state c = (s_d, s_t, b_m, b_s): scale of distance, scale of turning (both 0 when right), turn bias in rad per metre
-driven and in rad per second. Between two keyframes the wheels say (dx, dy, dtheta) over a path of L metres in t seconds;
-the robot turned e = s_t dtheta + b_m L + b_s t more than that, half of it on the way:
+driven and in rad per second. Between two keyframes the wheels say (dx, dy, dtheta) over a path of L metres in t
+seconds; the robot turned e = s_t dtheta + b_m L + b_s t more than that, half of it on the way:
     dtheta' = dtheta + e,   (dx', dy') = (1 + s_d) R(e / 2) (dx, dy).
 """
 

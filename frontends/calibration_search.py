@@ -1,7 +1,8 @@
 """Which turn bias explains the closures? A search over all of them, for when the estimate may be in a wrong mode.
 
-Wheels that turn by themselves bend the path into a spiral, and a linearised estimate far from the truth can settle on the
-wrong number of turns. Dead reckoning with one bias is a rough trajectory; that which brings most closures together wins.
+Wheels that turn by themselves bend the path into a spiral, and a linearised estimate far from the truth can settle on
+the wrong number of turns. Dead reckoning with one bias is a rough trajectory; that which brings most closures together
+wins.
 """
 
 from dataclasses import dataclass
@@ -38,7 +39,8 @@ def cost_of(poses: Floats, pairs: NDArray[np.int64], paths: Floats, sigma_m: flo
     """(m,) chi2 of closures that say keyframes `pairs` (m, 2) are one place, at `poses` (n, 3)."""
     apart = np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T)
     sigma = sigma_m + config.drift * np.abs(paths[pairs[:, 1]] - paths[pairs[:, 0]])
-    return (apart / sigma) ** 2
+    chi2: Floats = (apart / sigma) ** 2
+    return chi2
 
 
 def best_mode(

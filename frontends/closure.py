@@ -72,7 +72,7 @@ def check(
     config: ClosureConfig,
     lidar: LidarConfig,
 ) -> Check | None:
-    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) around `guess` T_a_b; None without points."""
+    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) around `guess` T_a_b; None if empty."""
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
@@ -97,7 +97,7 @@ def check(
 
 
 def innovation_chi2(predicted: Pose2, predicted_covariance: Floats, measured: Pose2, covariance: Floats) -> float:
-    """Squared Mahalanobis distance of `measured` from `predicted` (both T_a_b), their covariances (3, 3) in a's axes."""
+    """Squared Mahalanobis distance of `measured` from `predicted` (T_a_b), their covariances (3, 3) in a's axes."""
     e = np.array([measured.x - predicted.x, measured.y - predicted.y, wrap(measured.theta - predicted.theta)])
     return float(e @ np.linalg.solve(predicted_covariance + covariance, e))
 

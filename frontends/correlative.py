@@ -64,10 +64,10 @@ def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
 def search(
     points: Floats, field: LikelihoodField, guess: Pose2, window_m: float, window_rad: float, config: CorrelativeConfig
 ) -> Peak:
-    """The pose T_submap_scan within `window_m` (each axis) and `window_rad` of `guess` that `points` (n, 2) fit best."""
+    """The T_submap_scan within `window_m` (each axis) and `window_rad` of `guess` that `points` (n, 2) fit best."""
     subset = points[:: max(1, len(points) // config.points)]
     half_angles = math.ceil(window_rad / config.angle_step)
-    angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1)
+    angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1, dtype=np.float64)
     half_cells = math.ceil(window_m / config.cell_m)
     x, y, theta, score, second = _search(
         np.ascontiguousarray(subset),
@@ -135,7 +135,8 @@ def _score(cells: NDArray[np.int64], field: NDArray[np.float32], dr: int, dc: in
         r, c = cells[i, 0] + dr, cells[i, 1] + dc
         if 0 <= r < rows and 0 <= c < columns:
             total += field[r, c]
-    return total / cells.shape[0]
+    mean: float = total / cells.shape[0]
+    return mean
 
 
 @njit(cache=True)
@@ -146,7 +147,8 @@ def _bound(cells: NDArray[np.int64], coarse: NDArray[np.float32], dr: int, dc: i
         r, c = cells[i, 0] + dr, cells[i, 1] + dc
         if -BRANCH < r < rows and -BRANCH < c < columns:
             total += coarse[max(r, 0), max(c, 0)]
-    return total / cells.shape[0]
+    mean: float = total / cells.shape[0]
+    return mean
 
 
 @njit(cache=True)

@@ -112,7 +112,10 @@ class FingerprintAdded:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SequenceMatched:
-    """The two sequences of a WiFi candidate: (n, 2) m `points_a` and `points_b` (in `map`, as believed then), paired row by row."""
+    """The two sequences of a WiFi candidate: (n, 2) m `points_a` and `points_b`, paired row by row.
+
+    They are in `map`, as believed then.
+    """
 
     stamp_ns: int
     keyframe_a: int

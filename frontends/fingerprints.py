@@ -1,8 +1,8 @@
 """WiFi fingerprints and how similar they are, over an inverted index BSSID -> fingerprints.
 
-Similarity after Ismail et al. (arXiv 2206.08733): sim(i, j) = H / (L_i + L_j - H) times the mean over the H common access
-points of exp(-(f_i - f_j)^2 / 2 sigma^2). The paper prints a product in the place of the mean; over 40 access points a
-product is nearly zero for any pair, and its threshold of 0.3 could never hold.
+Similarity after Ismail et al. (arXiv 2206.08733): sim(i, j) = H / (L_i + L_j - H) times the mean over the H common
+access points of exp(-(f_i - f_j)^2 / 2 sigma^2). The paper prints a product in the place of the mean; over 40 access
+points a product is nearly zero for any pair, and its threshold of 0.3 could never hold.
 """
 
 import re
@@ -45,7 +45,10 @@ def usable_readings(scan: WifiScan) -> Readings:
 
 
 class FingerprintIndex:
-    """Fingerprints 0, 1, ... and, for each BSSID, those that heard it: similarity to all at the cost of what is shared."""
+    """Fingerprints 0, 1, ... and, for each BSSID, those that heard it.
+
+    Similarity to all comes at the cost of what is shared.
+    """
 
     def __init__(self, sigma_db: float) -> None:
         self._sigma_db = sigma_db

@@ -41,7 +41,7 @@ class IcpResult:
 
 
 def icp(points: Floats, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
-    """Align `points` (n, 2) m to `target`, starting at `guess` (T_target_scan) with `prior` information (3, 3) about it."""
+    """Align `points` (n, 2) m to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about it."""
     pose, information, inliers, residual = _align(
         np.ascontiguousarray(points),
         target.points,

@@ -54,7 +54,7 @@ class Keyframes:
     def scans_around(
         self, first: int, last: int, origin: Floats, poses: Floats
     ) -> tuple[list[ScanPoints], Floats, NDArray[np.int64]]:
-        """Scans of keyframes first..last (last excluded), their (n, 3) poses in the frame at `origin`, their numbers."""
+        """Scans of keyframes first..last (excluded), their (n, 3) poses in the frame at `origin`, their numbers."""
         numbers = [k for k in range(max(first, 0), min(last, len(self))) if self[k].scan is not None]
         scans = [scan for k in numbers if (scan := self[k].scan) is not None]
         placed = between_all(origin, poses[numbers]) if numbers else np.empty((0, 3))

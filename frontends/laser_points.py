@@ -41,7 +41,10 @@ def beam_points(scan: LaserScan, max_range_m: float) -> tuple[NDArray[np.int64],
 
 
 def to_base(points: Floats, T_base_laser: Pose2, upside_down: bool, motion: Floats | None) -> Floats:
-    """(n, 2) points of the laser in base_link; `motion` (n, 3) is T_base(reference)_base(beam), None for an instant sweep."""
+    """(n, 2) points of the laser in base_link.
+
+    `motion` (n, 3) is T_base(reference)_base(beam), None for an instant sweep.
+    """
     if upside_down:
         points = points * np.array([1.0, -1.0])
     points = T_base_laser.transform(points)
@@ -79,7 +82,7 @@ def place_all(points: Floats, normals: Floats, lengths: NDArray[np.int64], poses
 def normals_along(points: Floats, origin: Floats, reach: int, radius_m: float) -> Floats:
     """(n, 2) unit normals of points (n, 2) in beam order, from up to `reach` neighbours a side; NaN where no line fits.
 
-    A neighbour counts within `radius_m`, or within 2.5 times the spacing of the beams there; `origin` (2,) is the sensor.
+    A neighbour counts within `radius_m`, or within 2.5 times the beams' spacing there; `origin` (2,) is the sensor.
     """
     n = points.shape[0]
     normals = np.full((n, 2), np.nan)

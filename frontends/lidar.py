@@ -78,7 +78,7 @@ def match_scan(
 
     Where that leaves an inlier ratio under `search_below`, the window of `guess_covariance` is searched as well.
     """
-    prior = np.linalg.inv(guess_covariance)
+    prior = np.asarray(np.linalg.inv(guess_covariance), np.float64)
     result = icp(scan.points, submap, guess, prior, config.icp)
     searched = False
     if result.inlier_ratio < search_below:
@@ -103,5 +103,7 @@ def _search_and_match(
 ) -> IcpResult:
     window_m = min(max(3 * math.sqrt(max(covariance[0, 0], covariance[1, 1])), 0.3), 1.0)
     window_rad = min(max(3 * math.sqrt(covariance[2, 2]), 0.3), 1.0)
-    peak = search(scan.points, build_field(submap.points, config.correlative), guess, window_m, window_rad, config.correlative)
+    peak = search(
+        scan.points, build_field(submap.points, config.correlative), guess, window_m, window_rad, config.correlative
+    )
     return icp(scan.points, submap, peak.pose, np.zeros((3, 3)), config.icp)

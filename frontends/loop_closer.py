@@ -1,4 +1,4 @@
-"""Closing loops: candidates from the estimate and from WiFi, checked, judged, believed, and taken back when they prove wrong."""
+"""Closing loops: candidates from the estimate and from WiFi, checked, judged, believed, and taken back if wrong."""
 
 from dataclasses import dataclass
 
@@ -229,7 +229,9 @@ class LoopCloser:
         if mode.cost > float(np.minimum(now, self._search.outlier_chi2).sum()) - self._search.min_gain:
             return []
         return [
-            Warned(stamp_ns, f"the wheels' turn bias is taken to be {mode.values[2]:+.4f} rad/m: it explains the closures"),
+            Warned(
+                stamp_ns, f"the wheels' turn bias is taken to be {mode.values[2]:+.4f} rad/m: it explains the closures"
+            ),
             *self._start_from(mode, wifi),
         ]
 

@@ -37,7 +37,7 @@ class ScanTracker:
         return wheel_covariance(motion, self._odometry, self.inflation)
 
     def match(self, scan: ScanPoints, motion: WheelMotion, guess: Pose2, poses: Floats) -> Tracked | None:
-        """Match the scan of the keyframe after the last of `poses` (n, 3), `guess` away from it; None without a submap."""
+        """Match the scan of the keyframe `guess` away from the last of `poses` (n, 3); None without a submap."""
         if not self._matched:
             self._matched, self.inflation = True, self._trust.initial
         n = len(poses)

@@ -48,7 +48,8 @@ def rigid_motion(source: Floats, target: Floats) -> Pose2:
     ms, mt = source.mean(axis=0), target.mean(axis=0)
     s, t = source - ms, target - mt
     theta = math.atan2(float((s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]).sum()), float((s * t).sum()))
-    return Pose2(*(mt - Pose2(0.0, 0.0, theta).transform(ms[None])[0]), theta)
+    x, y = mt - Pose2(0.0, 0.0, theta).transform(ms[None])[0]
+    return Pose2.of((x, y, theta))
 
 
 def _covariance(T: Pose2, points: Floats, errors: Floats, fixes: float) -> Floats:

@@ -1,9 +1,9 @@
 """WiFi: scans become fingerprints of half a metre of path, and fingerprints heard before become loop candidates.
 
 The sequence candidate follows Ismail et al. (arXiv 2206.08733): for every fingerprint of the window around i its k most
-similar in the window around j, their similarity-weighted mean place, and the rigid motion T* (SVD) between the two point
-sets. What the paper leaves to a fixed threshold is read off the robot's own way: a place is "heard before" if it sounds
-more alike than places `alike_m` apart on the path just driven do.
+similar in the window around j, their similarity-weighted mean place, and the rigid motion T* (SVD) between the two
+point sets. What the paper leaves to a fixed threshold is read off the robot's own way: a place is "heard before" if it
+sounds more alike than places `alike_m` apart on the path just driven do.
 """
 
 import math

@@ -88,14 +88,13 @@ def replay(
 ) -> None:
     """Run a recording through the pipeline: trajectory, map, closures and a scrubbable .rrd."""
     with _output(quiet, as_json) as output:
-        from wayfi.service.replay import ReplayOptions, replay
+        from wayfi.service.replay import ReplayOptions, replay, settings_for
         from wayfi.service.summaries import say_replay
 
         options = ReplayOptions(out, _rate(rate), not no_rrd)
         with output.progress(f"replay {recording}") as progress:
-            report = replay(
-                recording, _configured(config, settings), _calibration(calibration), options, progress
-            )
+            configured, prior = settings_for(recording, config or (), settings or (), calibration)
+            report = replay(recording, configured, prior, options, progress)
         say_replay(output, out, report)
 
 
@@ -167,6 +166,63 @@ def inspect(
         say_inspection(output, inspection)
         if not inspection.usable:
             raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")
+
+
+@app.command()
+def run(
+    config: Files = None,
+    settings: Settings = None,
+    calibration: CalibrationFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run the daemon: Zenoh in, Zenoh out, black box, live Rerun; SIGINT and SIGTERM end it."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.daemon import run_daemon
+
+        code = run_daemon(_configured(config, settings), _calibration(calibration), quiet)
+        output.result({"exit_code": code})
+    raise typer.Exit(code)
+
+
+@app.command()
+def publish(
+    recording: RecordingPath,
+    rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "1.0",
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Put a recording onto Zenoh, as a robot would."""
+    with _output(quiet, as_json) as output:
+        from dataclasses import asdict
+
+        from wayfi.service.publish import publish_recording
+
+        with output.progress(f"publish {recording}") as progress:
+            summary = publish_recording(recording, _configured(config, settings), _rate(rate), progress)
+        output.say(f"{sum(summary.messages.values())} messages in {summary.seconds:.1f} s")
+        output.result(asdict(summary))
+
+
+@app.command()
+def record(
+    out: Annotated[Path, typer.Option(help="MCAP file to write.")],
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Write what sensors put on Zenoh into a recording, until Ctrl-C."""
+    with _output(quiet, as_json) as output:
+        from dataclasses import asdict
+
+        from wayfi.service.record import record_topics
+
+        summary = record_topics(out, _configured(config, settings))
+        output.say(f"{sum(summary.messages.values())} messages: {out}")
+        output.result(asdict(summary))
 
 
 @app.command()

@@ -23,8 +23,9 @@ class Output:
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float], None]]:
         """A bar on stderr while something long runs; call what this yields with the fraction done, 0 to 1."""
+        silent = self.quiet or self.as_json or not self._err.is_terminal
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self._err, transient=True, disable=self.quiet or self.as_json) as bar:
+        with Progress(*columns, console=self._err, transient=True, disable=silent) as bar:
             task = bar.add_task(title, total=1.0)
             yield lambda fraction: bar.update(task, completed=fraction)
 

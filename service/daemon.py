@@ -15,10 +15,10 @@ from wayfi.frontends.events import Event, GridRedrawn, StateChanged, Warned
 from wayfi.recordings.files import write_text
 from wayfi.recordings.rerun_log import Log, open_log
 from wayfi.recordings.rerun_stream import LogError
-from wayfi.service import log_lines as log
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive, topics_of
+from wayfi.service.log_lines import LogLines
 from wayfi.service.publishers import Publishers
 from wayfi.service.queues import Queues, Received, limits_of
 from wayfi.service.results import Source, write_results
@@ -36,28 +36,35 @@ class DaemonError(WayfiError):
     """A daemon that cannot start."""
 
 
-def run_daemon(config: Config, calibration: WheelCalibration | None) -> int:
-    """Run until SIGINT or SIGTERM, then write the results; returns the exit code.
+def run_daemon(config: Config, calibration: WheelCalibration | None, quiet: bool = False) -> int:
+    """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs only what warns.
 
     Raises ZenohError where its endpoints cannot be had, DaemonError where its folder cannot.
     """
-    with StopSignal() as stop, _meet(config, stop) as session:
-        warm_up(config)
-        Daemon(config, calibration, session).run(stop)
+    log = LogLines(quiet)
+    with StopSignal() as stop:
+        session = _meet(config, stop, log)
+        if session is not None:
+            with session:
+                warm_up(config)
+                Daemon(config, calibration, session, log).run(stop)
     return 0
 
 
 class Daemon:
     """One run, in a folder of its own."""
 
-    def __init__(self, config: Config, calibration: WheelCalibration | None, session: zenoh.Session) -> None:
+    def __init__(
+        self, config: Config, calibration: WheelCalibration | None, session: zenoh.Session, log: LogLines
+    ) -> None:
         self._config = config
+        self._log = log
         self._session = session
         self._folder = _make_folder(Path(config.recording.directory))
         self._topics = topics_of(config.recording)
         self._queues = Queues(limits_of(config.zenoh))
         self._vitals = VitalSigns(self._topics, self._queues)
-        self._drive = Drive(config, calibration, _open_live_log(config, self._folder))
+        self._drive = Drive(config, calibration, _open_live_log(config, self._folder, log))
         self._blackbox = BlackBox(self._folder, config, self._topics, calibration)
         self._started_s = time.monotonic()
         self._dropped_said: set[tuple[str, str]] = set()
@@ -69,12 +76,12 @@ class Daemon:
             self._publishers = opened.enter_context(
                 Publishers(self._session, self._config.zenoh, self._config.map)
             )
-            with Subscribers(self._session, self._config.zenoh, self._topics, self._queues):
-                self._publishers.announce()
-                log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder)
+            subscribers = Subscribers(self._session, self._config.zenoh, self._topics, self._queues)
+            with subscribers, self._publishers.announce():
+                self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder)
                 while not stop.requested:
                     self._step(self._queues.take(IDLE_S))
-            log.info("stopping", signal=stop.name, waiting=sum(self._queues.depths().values()))
+            self._log.info("stopping", signal=stop.name, waiting=sum(self._queues.depths().values()))
             self._drain()
             self._finish()
 
@@ -83,8 +90,10 @@ class Daemon:
             self._blackbox.flush_if_due()
         else:
             self._blackbox.write(received)
-            for event in self._drive.feed(received.sensor, received.encoding, received.data):
+            events = self._drive.feed(received.sensor, received.encoding, received.data)
+            for event in events:
                 self._publish(event, received.received_s)
+            self._drive.show(events)
         if self._vitals.due():
             self._tell_status()
 
@@ -93,9 +102,9 @@ class Daemon:
         self._vitals.take(event, received_s)
         match event:
             case StateChanged():
-                log.info("state", state=event.state.value, reason=event.reason)
+                self._log.info("state", state=event.state.value, reason=event.reason)
             case Warned():
-                log.warning("warned", text=event.text)
+                self._log.warning("warned", text=event.text)
 
     def _tell_status(self) -> None:
         dropped = self._dropped()
@@ -104,7 +113,7 @@ class Daemon:
         for topic, reason in {(topic, reason) for topic, reasons in dropped.items() for reason in reasons}:
             if (topic, reason) not in self._dropped_said:
                 self._dropped_said.add((topic, reason))
-                log.warning("dropped", topic=topic, reason=reason, note="said once; counted in wayfi/status")
+                self._log.warning("dropped", topic=topic, reason=reason, note="said once; counted in wayfi/status")
 
     def _dropped(self) -> dict[str, dict[str, int]]:
         """What never came to the pipeline, and what it could not use."""
@@ -136,7 +145,7 @@ class Daemon:
         )
         report["latency"] = self._vitals.latencies.summary()
         write_text(self._folder / "report.json", json.dumps(report, indent=1) + "\n")
-        log.info("stopped", poses=len(result.stamps_ns), folder=self._folder, **report["latency"])
+        self._log.info("stopped", poses=len(result.stamps_ns), folder=self._folder, **report["latency"])
 
     def _add_queue_drops(self) -> None:
         for sensor, reasons in self._queues.dropped().items():
@@ -145,8 +154,8 @@ class Daemon:
                     self._drive.tally.drop(self._topics[sensor], reason)
 
 
-def _meet(config: Config, stop: StopSignal) -> zenoh.Session:
-    """The session. A client waits until there is a router, or raises UnreachableError when told to stop."""
+def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | None:
+    """The session. A client waits until there is a router, or until it is told to stop: None."""
     said: set[str] = set()
 
     def keep_trying(error: UnreachableError) -> bool:
@@ -155,7 +164,10 @@ def _meet(config: Config, stop: StopSignal) -> zenoh.Session:
         said.add(str(error))
         return not stop.requested
 
-    return patiently(lambda: open_session(config.zenoh), keep_trying)
+    try:
+        return patiently(lambda: open_session(config.zenoh), keep_trying)
+    except UnreachableError:
+        return None
 
 
 def _make_folder(directory: Path) -> Path:
@@ -173,7 +185,7 @@ def _make_folder(directory: Path) -> Path:
             raise DaemonError(f"{folder}: cannot be made: {error.strerror}; see recording.directory") from None
 
 
-def _open_live_log(config: Config, folder: Path) -> Log:
+def _open_live_log(config: Config, folder: Path, log: LogLines) -> Log:
     """The log in its file and live; in its file alone where the port cannot be had."""
     path, recording_id = folder / "session_0001.rrd", f"wayfi-{folder.name}"
     try:

@@ -32,7 +32,7 @@ class Drive:
         self._log = log
 
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> list[Event]:
-        """Take one message; returns what became known by it."""
+        """Take one message; returns what became known by it, which is still to be shown."""
         topic = self.topics[sensor]
         self.tally.messages[topic] += 1
         try:
@@ -44,21 +44,20 @@ class Drive:
             self.tally.drop(topic, DropReason.UNDECODABLE)
             return []
         with self.timer("process"):
-            events = self._pipeline.process(measurement)
-        self._show(events)
-        return events
+            return self._pipeline.process(measurement)
 
-    def finish(self) -> Result:
-        """End the drive and close the log."""
-        result, events = self._pipeline.finish()
-        self._show(events)
-        self._log.close()
-        return result
-
-    def _show(self, events: list[Event]) -> None:
+    def show(self, events: list[Event]) -> None:
+        """Count and log what `feed` returned; after it was published, for the log is the slower of the two."""
         with self.timer("log"):
             for event in events:
                 self.tally.take(event)
                 self._log.log(event)
             if any(isinstance(event, GraphUpdated) for event in events):
                 self._log.log_durations(self.timer.take())
+
+    def finish(self) -> Result:
+        """End the drive and close the log."""
+        result, events = self._pipeline.finish()
+        self.show(events)
+        self._log.close()
+        return result

@@ -5,14 +5,20 @@ import sys
 from datetime import UTC, datetime
 
 
-def info(event: str, **fields: object) -> None:
-    """Something happened as it should."""
-    _write("info", event, fields)
+class LogLines:
+    """Writes the lines; with `quiet` only those that warn."""
 
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet = quiet
 
-def warning(event: str, **fields: object) -> None:
-    """Something a person should look at; the daemon goes on."""
-    _write("warning", event, fields)
+    def info(self, event: str, **fields: object) -> None:
+        """Something happened as it should."""
+        if not self._quiet:
+            _write("info", event, fields)
+
+    def warning(self, event: str, **fields: object) -> None:
+        """Something a person should look at; the daemon goes on."""
+        _write("warning", event, fields)
 
 
 def _write(level: str, event: str, fields: dict[str, object]) -> None:

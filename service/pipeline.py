@@ -97,7 +97,7 @@ class Pipeline:
 
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: what still waits is used or dropped, and the grid is drawn."""
-        events = list(self._lead_by_laser(self._scans.waiting()[-1][0])) if self._scans.waiting() else []
+        events = list(self._use_last_scans(self._scans.waiting()))
         events += [Dropped(Sensor.WIFI, w.stamp_ns, DropReason.NO_POSE) for w in self._wifi]
         slam = self._slam
         if len(slam.keyframes):
@@ -184,6 +184,13 @@ class Pipeline:
             yield Warned(stamp_ns, "no odometry: the laser leads")
         for scan_ns, scan in self._scans.waiting():
             yield from self._advance(scan_ns, self._laser_leads.register(self._scans.points(scan)))
+
+    def _use_last_scans(self, waiting: list[tuple[int, LaserScan]]) -> Iterator[Event]:
+        """At the end: the laser leads as far as it did, or where odometry never came; else they came after it."""
+        if waiting and (self._laser_leads or self._wheels.latest is None):
+            yield from self._lead_by_laser(waiting[-1][0])
+        else:
+            yield from (Dropped(Sensor.SCAN, scan_ns, DropReason.AHEAD) for scan_ns, _ in waiting)
 
     def _use_scans(self) -> Iterator[Event]:
         for point, scan in self._scans.ready(self._wheels):

@@ -111,7 +111,7 @@ class _Outlet:
     def wait_for_listener(self, deadline_s: float) -> None:
         """Wait until a daemon is ready or anybody else subscribes. Raises PublishError."""
         publishers = [self._publisher(topic, Encoding.CDR) for topic in self._topics.values()]
-        while not (self._daemon_is_ready() or any(map(_has_subscriber, publishers))):
+        while not (self._daemon_is_ready() or any(map(has_subscriber, publishers))):
             if time.monotonic() > deadline_s:
                 raise _nobody(self._config)
             time.sleep(POLL_S)
@@ -144,5 +144,6 @@ class _Outlet:
         return self._opened.enter_context(publisher)
 
 
-def _has_subscriber(publisher: zenoh.Publisher) -> bool:
+def has_subscriber(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody subscribes to what `publisher` puts."""
     return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # the stubs take it for a bool

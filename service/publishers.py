@@ -46,9 +46,9 @@ class Publishers:
     ) -> None:
         self._opened.close()
 
-    def announce(self) -> None:
-        """Say that all is ready, until the publishers are closed."""
-        self._opened.enter_context(self._session.liveliness().declare_token(key_of(self._config, ALIVE)))
+    def announce(self) -> zenoh.LivelinessToken:
+        """The word that all is ready; it holds as long as the token that is returned, a context manager."""
+        return self._session.liveliness().declare_token(key_of(self._config, ALIVE))
 
     def publish(self, event: Event) -> None:
         """Publish an event, if it is one that is published."""

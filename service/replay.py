@@ -90,7 +90,7 @@ def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: 
             unused[record.topic] = found.why
             continue
         pace.wait_for(record.log_time_ns)
-        drive.feed(found.sensor, found.encoding, record.data)
+        drive.show(drive.feed(found.sensor, found.encoding, record.data))
         if number % 100 == 0:
             progress(number / total)
     progress(1.0)

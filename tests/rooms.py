@@ -9,7 +9,9 @@ from wayfi.frontends.laser_points import ScanPoints, normals_along, thin
 from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
 from wayfi.recordings.simulation.surfaces import box, still
 
-HALL = np.concatenate([box(-6.0, -4.0, 9.0, 5.0), box(2.0, -1.0, 2.6, -0.4), box(-3.0, 2.0, -2.0, 2.4), box(5, 1, 6, 3)])
+HALL = np.concatenate(
+    [box(-6.0, -4.0, 9.0, 5.0), box(2.0, -1.0, 2.6, -0.4), box(-3.0, 2.0, -2.0, 2.4), box(5, 1, 6, 3)]
+)
 TWO_FOLD = np.concatenate([box(-4.0, -3.0, 4.0, 3.0), box(1.0, 1.0, 2.0, 1.5), box(-2.0, -1.5, -1.0, -1.0)])
 CORRIDOR = np.array([[-100.0, -1.2, 100.0, -1.2], [-100.0, 1.2, 100.0, 1.2]])
 

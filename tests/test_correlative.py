@@ -49,7 +49,9 @@ def test_a_room_that_looks_alike_from_both_ends_has_a_second_peak_as_high_as_the
     for faces in (plain, furnished):
         scans = [see(faces, Pose2(0.0, 0.0, heading), rng).points for heading in (0.0, math.pi)]
         submap = np.concatenate([scans[0], -scans[1]])
-        peak = search(see(faces, Pose2(0.3, 0.2, 0.1), rng).points, build_field(submap, CONFIG), Pose2(), 1.0, 3.3, CONFIG)
+        peak = search(
+            see(faces, Pose2(0.3, 0.2, 0.1), rng).points, build_field(submap, CONFIG), Pose2(), 1.0, 3.3, CONFIG
+        )
         ratios.append(peak.second_score / peak.score)
     assert ratios[0] > 0.95
     assert ratios[1] < 0.92
@@ -111,7 +113,9 @@ def test_a_search_stays_in_its_window_and_ends_by_its_bound() -> None:
     rng = np.random.default_rng(9)
     field = build_field(see(HALL, Pose2(), rng).points, CONFIG)
     guess = Pose2(2.0, 1.0, 0.5)
-    peak = search(see(HALL, Pose2(-2.0, 0.0, 0.0), rng).points, field, guess, 0.5, 0.2, CorrelativeConfig(max_coarse_cells=5))
+    peak = search(
+        see(HALL, Pose2(-2.0, 0.0, 0.0), rng).points, field, guess, 0.5, 0.2, CorrelativeConfig(max_coarse_cells=5)
+    )
     margin = 0.5 + BRANCH * CONFIG.cell_m
     assert abs(peak.pose.x - guess.x) <= margin
     assert abs(peak.pose.y - guess.y) <= margin

@@ -15,9 +15,9 @@ from wayfi.backend.wheel_calibration import WheelMotion
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
 POSES = st.builds(Pose2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 MOTIONS = st.builds(WheelMotion, POSES, st.floats(0, 3), st.floats(0, 10))
-CALIBRATIONS = st.tuples(
-    st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.01, 0.01)
-).map(np.array)
+CALIBRATIONS = st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.01, 0.01)).map(
+    np.array
+)
 
 
 def values(a: Pose2, b: Pose2, calibration: Floats) -> gtsam.Values:
@@ -44,7 +44,7 @@ def test_the_wheel_factors_jacobians_are_those_of_its_error(
         return  # the error itself leaps there
     factor = wheel_factor(0, 1, motion, np.eye(3))
     at = values(a, b, calibration)
-    A, rhs = whitened(factor, at)
+    A, _ = whitened(factor, at)
     h = 1e-6
     for i in range(10):
         key, size, axis = [(pose_key(0), 3, i), (pose_key(1), 3, i - 3), (CALIBRATION, 4, i - 6)][min(i // 3, 2)]

@@ -130,9 +130,7 @@ def test_the_index_finds_the_nearest_point_within_the_gate_as_a_search_of_all_do
     points = rng.uniform(-5, 5, (400, 2))
     index = build_index(points, np.zeros_like(points), 0.5)
     for x, y in rng.uniform(-6, 6, (300, 2)):
-        found = nearest(
-            x, y, 0.5, index.points, index.starts, index.origin, index.cell_m, index.rows, index.columns
-        )
+        found = nearest(x, y, 0.5, index.points, index.starts, index.origin, index.cell_m, index.rows, index.columns)
         distance = np.hypot(*(index.points - [x, y]).T)
         expected = int(np.argmin(distance)) if distance.min() < 0.5 else -1
         assert found == expected

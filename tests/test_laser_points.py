@@ -23,7 +23,9 @@ from rooms import see
 S = 1_000_000_000
 
 
-def scan(ranges: list[float] | Floats, angle_min: float = 0.0, increment: float = 0.1, each_s: float = 0.0) -> LaserScan:
+def scan(
+    ranges: list[float] | Floats, angle_min: float = 0.0, increment: float = 0.1, each_s: float = 0.0
+) -> LaserScan:
     return LaserScan(S, "laser", np.asarray(ranges, np.float32), angle_min, increment, 0.05, 30.0, each_s)
 
 
@@ -85,7 +87,7 @@ def test_mounts_upright_and_upside_down_place_points_as_their_rotation_does(
     cy, sy = math.cos(yaw), math.sin(yaw)
     Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
     tilted = np.diag([math.cos(pitch), math.cos(roll), math.cos(roll) * math.cos(pitch)])
-    expected = (Rz @ tilted @ np.array([x, y, 0.0]))[:2] + [0.2, -0.1]
+    expected = (Rz @ tilted @ np.array([x, y, 0.0]))[:2] + np.array([0.2, -0.1])
     T_base_laser, upside_down = planar_mount(transform)
     assert upside_down == (tilt != (0.0, 0.0))
     np.testing.assert_allclose(to_base(np.array([[x, y]]), T_base_laser, upside_down, None)[0], expected, atol=1e-9)

@@ -143,9 +143,7 @@ def test_a_factor_stretches_the_distance_between_keyframes() -> None:
 
 
 @settings(deadline=None)
-@given(
-    st.builds(Pose2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)), st.floats(0, 5), st.floats(1, 200)
-)
+@given(st.builds(Pose2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)), st.floats(0, 5), st.floats(1, 200))
 def test_the_wheels_covariance_is_positive_definite_and_grows_with_its_inflation(
     pose: Pose2, path_m: float, inflation: float
 ) -> None:

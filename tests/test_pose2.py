@@ -117,7 +117,9 @@ def test_batch_functions_agree_with_single_ones(pairs: list[tuple[Pose2, Pose2]]
 @given(POSES, st.lists(POSES, min_size=1, max_size=4))
 def test_batch_functions_take_one_pose_with_many(one: Pose2, many: list[Pose2]) -> None:
     array = np.array([pose.array() for pose in many])
-    np.testing.assert_array_equal(compose_all(one.array(), array), compose_all(np.tile(one.array(), (len(many), 1)), array))
+    np.testing.assert_array_equal(
+        compose_all(one.array(), array), compose_all(np.tile(one.array(), (len(many), 1)), array)
+    )
     np.testing.assert_array_equal(between_all(array, one.array())[0], between_all(array[0], one.array())[0])
 
 

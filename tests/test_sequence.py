@@ -86,7 +86,7 @@ def test_the_covariance_is_symmetric_positive_and_falls_with_the_length_of_the_w
 
 def test_a_straight_window_ahead_leaves_the_side_more_open_than_the_way() -> None:
     """The origin of b is 20 m behind its window: what the heading leaves open swings it to the side."""
-    ahead = STRAIGHT + [20.0, 0.0]
+    ahead = STRAIGHT + np.array([20.0, 0.0])
     covariance = fitted(ahead, Pose2(), 1.0).covariance
     assert covariance[1, 1] > 10 * covariance[0, 0]
     turned = fitted(Pose2(0.0, 0.0, math.pi / 2).transform(ahead), Pose2(0.0, 0.0, math.pi / 2), 1.0).covariance

@@ -52,7 +52,9 @@ def test_a_clock_set_back_shifts_the_time_base_once_and_for_all_sensors() -> Non
     seen = [time.accept("odom", stamp) for stamp in after]
     assert [s.dropped for s in seen[: LASTING_MESSAGES - 1]] == [DropReason.STAMP_BACK] * (LASTING_MESSAGES - 1)
     assert seen[LASTING_MESSAGES - 1].shift_ns == time.offset_ns == back
-    assert [s.stamp_ns for s in seen[LASTING_MESSAGES - 1 :]] == [stamp + back for stamp in after[LASTING_MESSAGES - 1 :]]
+    assert [s.stamp_ns for s in seen[LASTING_MESSAGES - 1 :]] == [
+        stamp + back for stamp in after[LASTING_MESSAGES - 1 :]
+    ]
     assert accepted(time, "scan", after) == [stamp + back for stamp in after]
     assert time.offset_ns == back
 

@@ -17,9 +17,9 @@ MOTIONS = st.builds(
     st.floats(0, 3),
     st.floats(0, 10),
 )
-CALIBRATIONS = st.tuples(
-    st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1), st.floats(-0.01, 0.01)
-).map(np.array)
+CALIBRATIONS = st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1), st.floats(-0.01, 0.01)).map(
+    np.array
+)
 
 
 def row(motion: WheelMotion) -> Floats:

@@ -1,0 +1,54 @@
+"""What tests share: the real recordings, where they are, and simulated ones, made once."""
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
+from wayfi.recordings.simulation.worlds import World
+
+os.environ["RERUN_ANALYTICS"] = "0"
+sys.path.insert(0, str(Path(__file__).parent))
+from drives import Simulated, replay_by_cli, simulated
+
+REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A recording, the folder of its replay, and the report."""
+
+    simulated: SimulatedRecording
+    out: Path
+    report: dict[str, Any]
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of the real recordings."""
+    if not REAL_DATA.is_dir():
+        pytest.skip(f"the real recordings are not here: there is no folder {REAL_DATA}")
+    return REAL_DATA
+
+
+@pytest.fixture(scope="session")
+def minute() -> Simulated:
+    """One minute in the car park."""
+    return simulated(World.CARPARK, 1.0)
+
+
+@pytest.fixture(scope="session")
+def carpark(tmp_path_factory: pytest.TempPathFactory) -> SimulatedRecording:
+    """Six minutes in the car park, some of it twice."""
+    return simulate(World.CARPARK, tmp_path_factory.mktemp("carpark"), minutes=6.0)
+
+
+@pytest.fixture(scope="session")
+def carpark_replay(carpark: SimulatedRecording, tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    """The replay of `carpark`, by the command line; not to be changed."""
+    out = tmp_path_factory.mktemp("carpark_replay") / "out"
+    return Replayed(carpark, out, replay_by_cli(carpark.recording, out))

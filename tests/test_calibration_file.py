@@ -1,0 +1,78 @@
+"""calibration.toml: what one drive has learnt, the next one takes up to the bit."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wayfi.backend.wheel_calibration import NAMES, WheelCalibration
+from wayfi.recordings.calibration_file import (
+    RECEIVER_SIGMA_DB,
+    CalibrationError,
+    calibration_toml,
+    parse_calibration,
+    read_calibration,
+    write_calibration,
+)
+
+VALUES = st.lists(st.floats(-1e3, 1e3), min_size=4, max_size=4)
+SIGMAS = st.lists(st.floats(1e-12, 1e3), min_size=4, max_size=4)
+GOOD = calibration_toml(WheelCalibration(np.array([0.01, -0.02, 0.026, 0.0]), np.array([0.1, 0.2, 0.3, 0.4])), {})
+
+
+@settings(deadline=None)
+@given(VALUES, SIGMAS)
+def test_a_calibration_comes_back_to_the_bit(values: list[float], sigmas: list[float]) -> None:
+    wheels = WheelCalibration(np.array(values), np.array(sigmas))
+    found = parse_calibration(calibration_toml(wheels, {}), "here")
+    np.testing.assert_array_equal(found.values, wheels.values)
+    np.testing.assert_array_equal(found.sigmas, wheels.sigmas)
+
+
+@settings(deadline=None)
+@given(st.dictionaries(st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])), st.floats(-20, 20)))
+def test_receivers_are_named_whatever_their_names(receivers: dict[str, float]) -> None:
+    text = calibration_toml(parse_calibration(GOOD, "here"), receivers)
+    written = tomllib.loads(text)["receivers"]
+    assert {name: entry["offset_db"] for name, entry in written.items()} == receivers
+    assert {entry["sigma_db"] for entry in written.values()} <= {RECEIVER_SIGMA_DB}
+
+
+def test_the_file_holds_each_name_with_value_and_sigma(tmp_path: Path) -> None:
+    path = tmp_path / "calibration.toml"
+    write_calibration(path, parse_calibration(GOOD, "here"), {"phone": -1.5})
+    content = tomllib.loads(path.read_text())
+    assert tuple(content["wheels"]) == NAMES
+    assert content["wheels"]["turn_bias_rad_per_m"] == {"value": 0.026, "sigma": 0.3}
+    np.testing.assert_array_equal(read_calibration(path).values, [0.01, -0.02, 0.026, 0.0])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "wheels = 3",
+        "[wheels]",
+        "[wheels",
+        GOOD.replace("turn_scale", "turning"),
+        GOOD.replace("0.026", "nan"),
+        GOOD.replace("0.026", "'much'"),
+        GOOD.replace("sigma = 0.2", "sigma = 0.0"),
+        GOOD.replace("sigma = 0.2", "sigma = -1.0"),
+        GOOD.replace("sigma = 0.2", "spread = 0.2"),
+    ],
+)
+def test_what_is_no_calibration_is_refused_in_one_line_that_names_the_file(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(CalibrationError, match=r"mine\.toml") as refused:
+        read_calibration(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"none\.toml: cannot be read"):
+        read_calibration(tmp_path / "none.toml")
