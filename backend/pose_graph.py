@@ -82,7 +82,8 @@ class PoseGraph:
         self._queued_poses: dict[int, Pose2] = {}
         self._removed: list[int] = []
         self.keyframes = 0
-        self._good: Floats = np.zeros((1, 3))
+        self._settled: Floats = np.zeros((1, 3))
+        self._guesses: list[Pose2] = []
         self._isam = self._fresh_isam()
 
     def add_keyframe(self, guess: Pose2) -> int:
@@ -90,6 +91,7 @@ class PoseGraph:
         if not guess.is_finite():
             raise FactorError(f"the first guess of keyframe {self.keyframes} is not finite: {guess}")
         self._queued_poses[self.keyframes] = guess
+        self._guesses.append(guess)
         self.keyframes += 1
         return self.keyframes - 1
 
@@ -116,15 +118,17 @@ class PoseGraph:
         iSAM2 takes Gauss-Newton steps, which leap when a closure is far off: then everything is optimised anew.
         """
         summary = UpdateSummary(len(self._queued), len(self._removed), len(self._factors))
-        closes = any(self._closes_loop(self._factors[n]) for n in self._queued)
-        if closes and max(self._disagreement(self._factors[n]) for n in self._queued) > self._config.leap_m:
+        moves = self.pending
+        if max((self._disagreement(self._factors[n]) for n in self._queued), default=0.0) > self._config.leap_m:
             self.rebuild(self.calibration_values(), self._start())
             return summary
         try:
             self._step()
         except RuntimeError:
             self.rebuild(self._prior.values, self._start())
-        self._queued, self._queued_poses, self._removed = [], {}, []
+            return summary
+        if moves:
+            self._settled = self._whole_estimate()
         return summary
 
     def settle(self) -> None:
@@ -132,6 +136,7 @@ class PoseGraph:
         self.update()
         for _ in range(self._config.settle_updates):
             self._isam.update()
+        self._settled = self._whole_estimate()
 
     @property
     def pending(self) -> bool:
@@ -157,7 +162,7 @@ class PoseGraph:
         self._slots, self._removed = {}, []
         self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
         self._step()
-        self._queued, self._queued_poses = [], {}
+        self._settled = self._whole_estimate()
 
     def _step(self) -> None:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -169,16 +174,19 @@ class PoseGraph:
                 graph.add(_origin())
         result = self._isam.update(graph, values, self._removed)
         self._slots.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
+        self._queued, self._queued_poses, self._removed = [], {}, []
 
     def _start(self) -> Floats:
-        """(n, 3) where to start anew: the estimate as last asked for, and the way since by the wheels."""
-        poses = list(self._good)
-        for factor in self._factors.values():
-            if isinstance(factor, Wheels) and factor.b == len(poses):
-                step = factor.motion.corrected(self._prior.values)
-                poses.append((Pose2.of(poses[-1]) @ step).array())
-        poses += [self.pose(k).array() for k in range(len(poses), self.keyframes)]  # no wheels lead there
+        """(n, 3) where to start anew: the estimate after the last closure, and the first guesses from there on."""
+        poses = list(self._settled)
+        for k in range(len(poses), self.keyframes):
+            step = self._guesses[k - 1].between(self._guesses[k])
+            poses.append((Pose2.of(poses[-1]) @ step).array())
         return np.array(poses)
+
+    def _whole_estimate(self) -> Floats:
+        estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
+        return np.asarray(estimate, dtype=np.float64).reshape(-1, 3)
 
     def _disagreement(self, factor: Factor) -> float:
         """How far (m) a closure is from the estimate, beyond three sigmas of it; 0 for a factor that closes none."""
@@ -200,9 +208,9 @@ class PoseGraph:
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`, as estimated now."""
-        estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
-        self._good = np.asarray(estimate, dtype=np.float64).reshape(-1, 3)
-        return self._good.copy()
+        if len(self._settled) == self.keyframes:
+            return self._settled.copy()
+        return self._whole_estimate()
 
     def calibration(self) -> WheelCalibration:
         """The wheels' calibration with its marginal sigmas."""

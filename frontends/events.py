@@ -23,6 +23,7 @@ class DropReason(StrEnum):
     NON_FINITE = "non_finite"
     DUPLICATE = "duplicate"
     STAMP_BACK = "stamp_jumped_back"
+    STAMP_AHEAD = "stamp_leapt_ahead"
     NO_RETURN = "no_return"
     NO_READINGS = "no_readings"
     MALFORMED_BSSID = "malformed_bssid"

@@ -35,6 +35,7 @@ class LidarConfig:
     min_points: int = option(30, "", "fewer do not fix a pose")
     min_inlier_ratio: float = option(0.5, "", "the paper: matching points at least half of the points")
     search_below: float = option(0.75, "", "under this inlier ratio the guess may be wrong: search the window first")
+    degenerate_below: float = option(0.01, "", "0.002 was measured in a bare corridor, 0.4 in a hall")
     cell_m: float = option(0.5, "m", "of the index that finds nearest points; the widest gate of ICP")
     sigma_floor_m: float = option(0.004, "m", "errors of range, mount and time that all points of a scan share")
     sigma_floor_rad: float = option(0.0015, "rad", "as above")
@@ -91,11 +92,27 @@ def match_scan(
 
 
 def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
-    """(3, 3) covariance of an ICP: what its Hessian does not see stays open (10 m, 1 rad), and a floor holds below."""
-    open_directions = np.diag([1e-2, 1e-2, 1.0])
+    """(3, 3) covariance of an ICP: what its Hessian does not see stays open (1 m, 1 rad), and a floor holds below.
+
+    In a corridor the noise of the normals feigns a little information along it; a direction with less than
+    `degenerate_below` of the other's is taken to have none (after X-ICP, Tuna et al., arXiv 2211.16335).
+    """
+    open_directions = np.diag([1.0, 1.0, 1.0])
     floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
-    covariance = np.linalg.inv(result.information + open_directions) + floor
+    information = _seen(result.information, config.degenerate_below)
+    covariance = np.linalg.inv(information + open_directions) + floor
     return 0.5 * (covariance + covariance.T)
+
+
+def _seen(information: Floats, degenerate_below: float) -> Floats:
+    """The (3, 3) information without a direction of translation that is not really seen."""
+    eigenvalues, directions = np.linalg.eigh(information[:2, :2])
+    if eigenvalues[0] >= degenerate_below * eigenvalues[1]:
+        return information
+    kept = np.eye(3)
+    kept[:2, :2] = np.outer(directions[:, 1], directions[:, 1])
+    seen: Floats = kept @ information @ kept
+    return seen
 
 
 def _search_and_match(

@@ -1,4 +1,4 @@
-"""Stamps made monotone: single stamps that jump back are dropped, a clock that was set back shifts the time base."""
+"""Stamps made monotone: single stamps that jump are dropped, a clock that was set back shifts the time base."""
 
 from dataclasses import dataclass, field
 
@@ -6,6 +6,7 @@ from wayfi.frontends.events import DropReason
 
 LASTING_JUMP_NS = 1_000_000_000
 LASTING_MESSAGES = 5
+LEAP_NS = 60_000_000_000  # ahead: a gap, if the next messages agree; a lone one is a broken stamp
 
 
 @dataclass(slots=True)
@@ -13,6 +14,7 @@ class _Stream:
     last_ns: int
     interval_ns: int = 0
     back: list[int] = field(default_factory=list)
+    ahead: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,10 @@ class TimeBase:
         if known is None:
             self._streams[stream] = _Stream(stamp_ns)
             return Stamped(stamp_ns)
+        if stamp_ns - known.last_ns > LEAP_NS and self._is_lone_leap(known, stamp_ns):
+            return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
         if stamp_ns > known.last_ns:
+            known.ahead.clear()
             known.interval_ns = stamp_ns - known.last_ns
             known.last_ns = stamp_ns
             known.back.clear()
@@ -49,6 +54,13 @@ class TimeBase:
         if stamp_ns == known.last_ns:
             return Stamped(stamp_ns, DropReason.DUPLICATE)
         return self._jumped_back(known, stamp_ns)
+
+    def _is_lone_leap(self, stream: _Stream, stamp_ns: int) -> bool:
+        """Whether a stamp far ahead still stands alone; after as many in a row as a lasting jump takes it is a gap."""
+        if stream.ahead and not 0 < stamp_ns - stream.ahead[-1] < LEAP_NS:
+            stream.ahead.clear()
+        stream.ahead.append(stamp_ns)
+        return len(stream.ahead) < LASTING_MESSAGES
 
     def _jumped_back(self, stream: _Stream, stamp_ns: int) -> Stamped:
         rising = not stream.back or stamp_ns > stream.back[-1]

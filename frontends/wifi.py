@@ -150,12 +150,14 @@ class Wifi:
         return fingerprint
 
     def _sequence(self, a: Fingerprint, b: Fingerprint, poses: Floats) -> SequenceFit | None:
-        """The paper's T* between the windows around a (centred) and up to b (trailing); None if they do not match."""
-        half = self._config.window // 2
-        rows = np.arange(max(b.number - self._config.window, a.number + half), b.number + 1)
-        last = min(a.number + half, rows[0] if len(rows) else 0)
-        columns = np.arange(max(a.number - half, 0), last)
-        if len(rows) < half or len(columns) < half:
+        """The paper's T* between the window up to b and that around a; None if they do not match.
+
+        b's window is trailing, so a's reaches as far to each side: it was driven either way.
+        """
+        window = self._config.window
+        rows = np.arange(max(b.number - window, a.number + window // 2), b.number + 1)
+        columns = np.arange(max(a.number - window, 0), min(a.number + window, rows[0] if len(rows) else 0))
+        if len(rows) < window // 2 or len(columns) < window // 2:
             return None
         similarity = self._index.similarities(rows, columns)
         if float(np.mean(similarity.max(axis=1))) < self.threshold:

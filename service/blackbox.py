@@ -50,9 +50,7 @@ class BlackBox:
         """Add a message that the pipeline is about to be fed."""
         sensor = received.sensor
         log_time_ns = round((received.received_s + self._wall_ahead_s) * 1e9)
-        self._writer.write(
-            self._topics[sensor], TYPE_OF_SENSOR[sensor], received.encoding, log_time_ns, received.data
-        )
+        self._writer.write(self._topics[sensor], TYPE_OF_SENSOR[sensor], received.encoding, log_time_ns, received.data)
         self._unflushed = True
         self.flush_if_due()
 

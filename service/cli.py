@@ -241,9 +241,7 @@ def view(
 
 
 @app.command(name="config")
-def show_config(
-    config: Files = None, settings: Settings = None, quiet: Quiet = False, as_json: Json = False
-) -> None:
+def show_config(config: Files = None, settings: Settings = None, quiet: Quiet = False, as_json: Json = False) -> None:
     """Print the configuration in force, with units and the reason for each default."""
     with _output(quiet, as_json) as output:
         from wayfi.service.config import config_dict, config_toml

@@ -73,9 +73,7 @@ class Daemon:
         """Feed the pipeline what comes until `stop`, then what still waits, and write every file."""
         with ExitStack() as opened:
             opened.enter_context(self._blackbox)
-            self._publishers = opened.enter_context(
-                Publishers(self._session, self._config.zenoh, self._config.map)
-            )
+            self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh, self._config.map))
             subscribers = Subscribers(self._session, self._config.zenoh, self._topics, self._queues)
             with subscribers, self._publishers.announce():
                 self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder)

@@ -1,7 +1,5 @@
 """One drive from its bytes to its files: decoding, the pipeline, the log and the counts, the same for every source."""
 
-from pathlib import Path
-
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.events import DropReason, Event, GraphUpdated
 from wayfi.frontends.measurements import Sensor
@@ -39,9 +37,8 @@ class Drive:
             with self.timer("decode"):
                 measurement = decode(data, sensor, encoding)
         except CodecError as error:
-            if not self.tally.dropped.get(topic, {}).get(DropReason.UNDECODABLE):
+            if self.tally.drop(topic, DropReason.UNDECODABLE) == 1:
                 self.tally.warnings.append(f"{topic}: {error}")
-            self.tally.drop(topic, DropReason.UNDECODABLE)
             return []
         with self.timer("process"):
             return self._pipeline.process(measurement)

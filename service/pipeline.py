@@ -183,6 +183,9 @@ class Pipeline:
             self._wheels.restart()
             yield Warned(stamp_ns, "no odometry: the laser leads")
         for scan_ns, scan in self._scans.waiting():
+            latest = self._wheels.latest
+            if latest is not None and scan_ns <= latest.stamp_ns:
+                continue
             yield from self._advance(scan_ns, self._laser_leads.register(self._scans.points(scan)))
 
     def _use_last_scans(self, waiting: list[tuple[int, LaserScan]]) -> Iterator[Event]:

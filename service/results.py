@@ -63,9 +63,7 @@ def _write_estimate(directory: Path, config: Config, result: Result) -> None:
 
 def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:
     for f, pose in zip(fingerprints, poses, strict=True):
-        yield RadioPlace(
-            f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi
-        )
+        yield RadioPlace(f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi)
 
 
 def _receivers(fingerprints: list[Fingerprint]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from wayfi.frontends.measurements import LaserScan, StaticTransforms
 from wayfi.frontends.odometry import PathPoint, Wheels
 
 NORMAL_REACH = 5
+GAP_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +62,8 @@ class ScanIntake:
 
     @property
     def waited_ns(self) -> int:
-        """From the oldest scan that waits to the newest."""
-        return self._waiting[-1][0] - self._waiting[0][0] if self._waiting else 0
+        """From the oldest scan that waits to the newest; a gap between two of them counts for a second at most."""
+        return sum(min(after[0] - before[0], GAP_NS) for before, after in pairwise(self._waiting))
 
     def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, LaserScan]]:
         """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""

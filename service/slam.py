@@ -1,5 +1,6 @@
 """Keyframes, fingerprints and closures into one graph: what is believed of the drive."""
 
+import math
 from contextlib import AbstractContextManager
 from typing import Protocol
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.grid_map import GridScan
 from wayfi.backend.health import Health, judge_health
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all
 from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
 from wayfi.backend.pose_graph import Wheels as WheelFactor
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
@@ -71,7 +72,7 @@ class Slam:
 
     def keyframe_stretch(self) -> float:
         """Keyframes stand closer where the wheels are found to be poor: a factor on their distance."""
-        return max(0.2, self._tracker.inflation**-0.5)
+        return max(0.2, 1.0 / math.sqrt(self._tracker.inflation))
 
     def pose_at(self, point: PathPoint) -> tuple[Pose2, Floats]:
         """The pose in `map` at a point of the path, by the wheels from the newest keyframe, and its (3, 3) covariance."""
@@ -86,7 +87,7 @@ class Slam:
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """A new keyframe at `point`, with its scan if there is one; closes loops from it."""
         events: list[Event] = []
-        guess = Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._calibration) if len(self.keyframes) else Pose2()
+        guess = self._guess(point) if len(self.keyframes) else Pose2()
         number = self.graph.add_keyframe(guess)
         tracked = self._connect(point, placed, number) if number else None
         self._remember(point, placed, guess)
@@ -132,6 +133,9 @@ class Slam:
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of all fingerprints in `map`."""
         return self.wifi.places(self.poses)
+
+    def _guess(self, point: PathPoint) -> Pose2:
+        return Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._calibration)
 
     def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> Tracked | None:
         """Factors from the newest keyframe to the one about to be added: the wheels', and the laser's if it sees."""

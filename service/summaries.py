@@ -12,7 +12,8 @@ from wayfi.service.evaluate import Evaluation
 def say_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
     """The report of a replay."""
     speed = report["recording_s"] / max(report["wall_s"], 1e-9)
-    output.say(f"{report['recording_s']:.0f} s replayed in {report['wall_s']:.1f} s ({speed:.0f} times real time): {out}")
+    seconds, wall = report["recording_s"], report["wall_s"]
+    output.say(f"{seconds:.0f} s replayed in {wall:.1f} s ({speed:.0f} times real time): {out}")
     for topic, reasons in report["dropped"].items():
         dropped = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
         output.say(f"dropped from {topic}: {dropped}")

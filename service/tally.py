@@ -31,6 +31,8 @@ class Tally:
                 change = {"stamp": event.stamp_ns * 1e-9, "state": event.state.value, "reason": event.reason}
                 self.status_changes.append(change)
 
-    def drop(self, topic: str, reason: str) -> None:
-        """Count a message that was not used."""
-        self.dropped.setdefault(topic, Counter())[str(reason)] += 1
+    def drop(self, topic: str, reason: str) -> int:
+        """Count a message that was not used; returns how many there are of its kind."""
+        counts = self.dropped.setdefault(topic, Counter())
+        counts[str(reason)] += 1
+        return counts[str(reason)]
