@@ -27,9 +27,7 @@ class ClosureConfig:
     max_window_rad: float = option(0.5, "rad", "as above")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
     max_second_peak: float = option(0.92, "", "of the best score: nearer than this the place is ambiguous")
-    gate_chi2: float = option(
-        9.0, "", "97 % of true closures pass at 3 degrees of freedom; what repeats does not, three sigmas away"
-    )
+    gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
     gate_chi2_position: float = option(13.82, "", "the same at 2")

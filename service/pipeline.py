@@ -41,7 +41,7 @@ ODOMETRY_WAIT_NS = 2 * SECOND_NS  # of scans without odometry, after which the l
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """The drive as it is believed at the end; stamps (n,), trajectories (n, 3), keyframes (k, 3), fingerprints (m, 3)."""
+    """The drive as believed at the end: stamps (n,), trajectories (n, 3), keyframes (k, 3), fingerprints (m, 3)."""
 
     stamps_ns: NDArray[np.int64]
     final: Floats

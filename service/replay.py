@@ -42,6 +42,7 @@ def settings_for(
 
     Raises RecordingError, ConfigError or CalibrationError.
     """
+    load_config(files, settings)  # wrong usage is told before a wrong recording
     recording = open_recording(recording_path)
     kept = recording.attachments() if recording.is_blackbox else {}
     config = load_config(files, settings, kept.get(CONFIG, b"").decode(errors="replace"))

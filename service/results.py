@@ -17,7 +17,7 @@ from wayfi.recordings.g2o import write_g2o
 from wayfi.recordings.map_files import write_map
 from wayfi.recordings.tables import RadioPlace, write_closures, write_radio
 from wayfi.recordings.tum import write_tum
-from wayfi.service.config import Config, config_toml
+from wayfi.service.config import config_toml
 from wayfi.service.drive import Drive
 from wayfi.service.pipeline import Result
 
@@ -38,7 +38,7 @@ class Source:
 def write_results(directory: Path, drive: Drive, result: Result, source: Source) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report."""
     with drive.timer("files"):
-        _write_estimate(directory, drive.config, result)
+        _write_estimate(directory, result)
         write_closures(directory / "closures.csv", drive.tally.verdicts.values())
         write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
         write_text(directory / "config.toml", config_toml(drive.config))
@@ -49,7 +49,7 @@ def write_results(directory: Path, drive: Drive, result: Result, source: Source)
     return report
 
 
-def _write_estimate(directory: Path, config: Config, result: Result) -> None:
+def _write_estimate(directory: Path, result: Result) -> None:
     write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
     write_tum(directory / "online.tum", result.stamps_ns, result.online)
     factors = result.factors.values()

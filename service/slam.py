@@ -75,7 +75,7 @@ class Slam:
         return max(0.2, 1.0 / math.sqrt(self._tracker.inflation))
 
     def pose_at(self, point: PathPoint) -> tuple[Pose2, Floats]:
-        """The pose in `map` at a point of the path, by the wheels from the newest keyframe, and its (3, 3) covariance."""
+        """The pose in `map` at a point of the path, by the wheels from the last keyframe; its (3, 3) covariance."""
         motion = self.motion_to(point)
         step = motion.corrected(self._calibration)
         T = Pose2.of(self.poses[-1]) @ step

@@ -40,7 +40,8 @@ class Trajectories:
         kf_stamps = np.array([k.stamp_ns for k in keyframes], np.int64)
         kf_path = np.array([(*k.T_path_base.array(), k.path_m) for k in keyframes])
         k = np.clip(np.searchsorted(kf_stamps, stamps, side="right") - 1, 0, len(keyframes) - 1)
-        driven = _motions(kf_path[k], path, (stamps - kf_stamps[k]) * 1e-9, calibration)
+        since_s: Floats = (stamps - kf_stamps[k]).astype(np.float64) * 1e-9
+        driven = _motions(kf_path[k], path, since_s, calibration)
         between_s: Floats = np.diff(kf_stamps).astype(np.float64) * 1e-9
         whole = _motions(kf_path[:-1], kf_path[1:], between_s, calibration)
         missing = between_all(whole, between_all(poses[:-1], poses[1:])) if len(poses) > 1 else np.zeros((0, 3))
