@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from wayfi.frontends.events import (
     CalibrationUpdated,
@@ -20,6 +20,7 @@ from wayfi.frontends.events import (
     SubmapMatched,
     Warned,
 )
+from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.rerun_backend import Backend
 from wayfi.recordings.rerun_blueprint import blueprint
 from wayfi.recordings.rerun_check import Check
@@ -35,37 +36,11 @@ from wayfi.recordings.rerun_text import TextLog
 from wayfi.recordings.rerun_wifi import Wifi
 
 
-class Log(Protocol):
-    """Takes events, in the order of the pipeline, and durations of stages; one thread."""
-
-    def log(self, event: Event) -> None:
-        """Show `event`."""
-
-    def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Show how many seconds each stage took."""
-
-    def close(self) -> None:
-        """Everything is in the file afterwards."""
-
-
 def open_log(config: RerunConfig, path: Path | None, serve: bool = False, recording_id: str = "wayfi") -> Log:
     """A RerunLog, or a NullLog where the log is off or has nowhere to go."""
     if config.enabled and (serve or path is not None):
         return RerunLog(config, path, serve, recording_id)
     return NullLog()
-
-
-class NullLog:
-    """Shows nothing."""
-
-    def log(self, event: Event) -> None:
-        """Do nothing."""
-
-    def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 class RerunLog:

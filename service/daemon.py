@@ -13,7 +13,8 @@ from wayfi.backend.errors import WayfiError
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.events import Event, GridRedrawn, StateChanged, Warned
 from wayfi.recordings.files import write_text
-from wayfi.recordings.rerun_log import Log, open_log
+from wayfi.recordings.log import Log
+from wayfi.recordings.rerun_log import open_log
 from wayfi.recordings.rerun_stream import LogError
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config

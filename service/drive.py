@@ -5,7 +5,7 @@ from wayfi.frontends.events import DropReason, Event, GraphUpdated
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
-from wayfi.recordings.rerun_log import Log
+from wayfi.recordings.log import Log
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import Config, RecordingConfig
 from wayfi.service.pipeline import Pipeline, Result

@@ -10,8 +10,9 @@ from typing import Any
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.recordings.calibration_file import parse_calibration, read_calibration
+from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.log_process import LogProcess
 from wayfi.recordings.mcap_log import Recording, open_recording
-from wayfi.recordings.rerun_log import open_log
 from wayfi.recordings.topics import Route, route
 from wayfi.service.blackbox import CALIBRATION, CONFIG
 from wayfi.service.config import Config, load_config
@@ -65,8 +66,7 @@ def replay(
     recording = open_recording(recording_path)
     _make_folder(options.out)
     sha256 = recording.sha256()
-    log = open_log(config.rerun, options.out / "session.rrd" if options.rrd else None, recording_id=sha256[:16])
-    drive = Drive(config, calibration, log)
+    drive = Drive(config, calibration, _open_log(config, options, sha256[:16]))
     unused = _feed_all(recording, drive, options.rate, progress)
     result = drive.finish()
     if len(result.stamps_ns) == 0:
@@ -96,6 +96,12 @@ def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: 
             progress(number / total)
     progress(1.0)
     return unused
+
+
+def _open_log(config: Config, options: ReplayOptions, recording_id: str) -> Log:
+    if options.rrd and config.rerun.enabled:
+        return LogProcess(config.rerun, options.out / "session.rrd", recording_id)
+    return NullLog()
 
 
 def _make_folder(out: Path) -> None:

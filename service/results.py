@@ -70,6 +70,12 @@ def _receivers(fingerprints: list[Fingerprint]) -> dict[str, float]:
     return {f.receiver: 0.0 for f in fingerprints}
 
 
+def _peak_memory_mb() -> float:
+    """The most that this process and the one that logs have taken, added."""
+    kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(resource.getrusage(kind).ru_maxrss for kind in kinds) / 1024
+
+
 def _report(drive: Drive, source: Source) -> dict[str, Any]:
     tally = drive.tally
     return {
@@ -78,7 +84,7 @@ def _report(drive: Drive, source: Source) -> dict[str, Any]:
         "stages": drive.timer.report(),
         "wall_s": round(source.wall_s, 3),
         "recording_s": round(source.recording_s, 3),
-        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+        "peak_memory_mb": round(_peak_memory_mb(), 1),
         "recording_sha256": source.sha256,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "warnings": source.warnings + tally.warnings,

@@ -7,7 +7,7 @@ import numpy as np
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, Sensor, WifiScan
 from wayfi.recordings.codec import encode
-from wayfi.recordings.rerun_log import NullLog
+from wayfi.recordings.log import NullLog
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive

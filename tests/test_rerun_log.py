@@ -28,8 +28,9 @@ from wayfi.frontends.events import (
     Warned,
 )
 from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.rerun_config import RerunConfig
-from wayfi.recordings.rerun_log import Log, NullLog, RerunLog, open_log
+from wayfi.recordings.rerun_log import RerunLog, open_log
 from wayfi.recordings.rerun_submaps import BENT_M, MOVED_M
 from wayfi.recordings.viewer import find_log
 from wayfi.recordings.viewer_process import free_port, viewer_process
