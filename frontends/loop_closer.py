@@ -74,7 +74,7 @@ class LoopCloser:
         if a is None:
             return []
         self._last_check_m = here.point.path_m
-        covariance = self._predicted(a, keyframe)
+        covariance = self._graph.relative_covariance(a, keyframe)
         guess = Pose2.of(poses[a]).between(Pose2.of(poses[keyframe]))
         return self._checked(a, keyframe, stamp_ns, guess, covariance, poses, "estimate", np.nan)
 
@@ -87,7 +87,7 @@ class LoopCloser:
             return events
         if self._keyframes[a].scan is None or self._keyframes[b].scan is None:
             return events + self._judge_wifi(candidate, poses)
-        covariance = self._predicted(a, b)
+        covariance = self._graph.relative_covariance(a, b)
         guess = Pose2.of(poses[a]).between(Pose2.of(poses[b]))
         return events + self._checked(a, b, stamp_ns, guess, covariance, poses, "wifi", candidate.similarity)
 
@@ -123,18 +123,18 @@ class LoopCloser:
         if done is None:
             return []
         proposal = self._lidar_proposal(a, b, done, proposed_by, similarity)
-        chi2 = innovation_chi2(guess, covariance, done.T_a_b, done.covariance)
+        chi2 = innovation_chi2(guess, self._with_drift(covariance, a, b), done.T_a_b, done.covariance)
         refused = done.refused or self._gate(chi2, self._closure.gate_chi2)
         event = CheckDone(
             stamp_ns, a, b, scan.points, done.submap, guess, done.T_a_b, done.inlier_ratio, done.second_peak
         )
         return [event, self._decide(proposal, refused)]
 
-    def _predicted(self, a: int, b: int) -> Floats:
-        """(3, 3) covariance of T_a_b by the estimate, and of what its factors leave out: drift that adds up one way."""
+    def _with_drift(self, covariance: Floats, a: int, b: int) -> Floats:
+        """The estimate's (3, 3) covariance of T_a_b, and what its factors leave out: drift that adds up one way."""
         path_m = abs(self._keyframes.paths_m[b] - self._keyframes.paths_m[a])
         drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
-        return self._graph.relative_covariance(a, b) + np.diag(drift**2)
+        return covariance + np.diag(drift**2)
 
     def _lidar_proposal(self, a: int, b: int, done: Check, proposed_by: str, similarity: float) -> _Proposal:
         return _Proposal(
@@ -145,7 +145,7 @@ class LoopCloser:
     def _judge_wifi(self, candidate: WifiCandidate, poses: Floats) -> list[Event]:
         proposal = self._wifi_proposal(candidate, poses)
         predicted = Pose2.of(poses[proposal.a]).between(Pose2.of(poses[proposal.b]))
-        covariance = self._predicted(proposal.a, proposal.b)
+        covariance = self._graph.relative_covariance(proposal.a, proposal.b)
         if proposal.heading_claimed:
             chi2 = innovation_chi2(predicted, covariance, proposal.T_a_b, proposal.covariance)
             refused = self._gate(chi2, self._closure.gate_chi2)
