@@ -4,11 +4,14 @@ Events go to it pickled, over its standard input, and none is lost: where it is 
 It finishes its file when that input ends, however the sender ended.
 """
 
+import contextlib
 import pickle
+import queue
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +21,7 @@ from wayfi.frontends.events import Event
 from wayfi.recordings.rerun_config import RerunConfig
 
 BATCH = 64  # messages to a pickle: one that is alone costs as much again
+AHEAD = 100  # pickles that may wait to be taken: some 30 MB
 
 
 class LogProcessError(WayfiError):
@@ -31,6 +35,9 @@ class LogProcess:
         command = [sys.executable, "-m", __name__]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints)
+        self._pickles: queue.Queue[bytes | None] = queue.Queue(AHEAD)
+        self._writer = threading.Thread(target=self._write, name="log writer", daemon=True)
+        self._writer.start()
         self._waiting: list[Any] = []
         self._send((config, path, recording_id))
 
@@ -46,8 +53,9 @@ class LogProcess:
         """Everything is in the file afterwards."""
         self._send(self._waiting)
         self._waiting = []
-        self._process.communicate()
-        if self._process.returncode:
+        self._pickles.put(None)
+        self._writer.join()
+        if self._process.wait():
             raise LogProcessError(self._last_complaint())
         self._complaints.close()
 
@@ -58,12 +66,19 @@ class LogProcess:
             self._waiting = []
 
     def _send(self, value: Any) -> None:  # noqa: ANN401 - whatever the other side takes
+        if self._process.poll() is not None:
+            raise LogProcessError(self._last_complaint())
+        self._pickles.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
+
+    def _write(self) -> None:
+        """Hand pickles over as fast as they are taken; what comes after the other side has ended is let go."""
         assert self._process.stdin is not None
-        try:
-            pickle.dump(value, self._process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
-        except BrokenPipeError:
-            self._process.wait()
-            raise LogProcessError(self._last_complaint()) from None
+        with contextlib.suppress(BrokenPipeError), self._process.stdin as pipe:
+            while (data := self._pickles.get()) is not None:
+                pipe.write(data)
+            return
+        while self._pickles.get() is not None:
+            pass
 
     def _last_complaint(self) -> str:
         self._complaints.seek(0)

@@ -125,6 +125,6 @@ def test_innovations_drawn_from_their_covariances_are_chi2_distributed() -> None
         assert (place < chi2.ppf(share, 2)).mean() == pytest.approx(share, abs=0.03)
 
 
-def test_the_gates_let_999_of_1000_true_closures_pass() -> None:
-    assert chi2.sf(CONFIG.gate_chi2, 3) == pytest.approx(0.001, rel=0.01)
+def test_the_gates_let_the_share_of_true_closures_pass_that_they_name() -> None:
+    assert chi2.sf(CONFIG.gate_chi2, 3) == pytest.approx(0.03, rel=0.05)
     assert chi2.sf(CONFIG.gate_chi2_position, 2) == pytest.approx(0.001, rel=0.01)

@@ -227,7 +227,7 @@ def test_scans_ahead_of_the_odometrys_clock_are_forgotten() -> None:
     intake, ahead = ScanIntake(LidarConfig()), scan([2.0])
     intake.wait(S, scan([1.0]))
     intake.wait(10 * S, ahead)
-    assert intake.waited_ns == 9 * S
+    assert intake.waited_ns == S  # a gap counts for a second
     assert intake.drop_ahead(5 * S) == [ahead]
     assert [stamp_ns for stamp_ns, _ in intake.waiting()] == [S]
     assert intake.waited_ns == 0

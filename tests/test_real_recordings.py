@@ -32,7 +32,11 @@ def test_a_real_recording_is_near_its_reference(name: str, real_data: Path, tmp_
     assert {path.name for path in tmp_path.iterdir()} == {*RESULT_FILES, "map"}
     assert report["messages"] == dict(open_recording(recording).message_counts)
     dropped = sum(report["dropped"].get("/odom", {}).values())
-    assert len(read_tum(tmp_path / "trajectory.tum")) == report["messages"]["/odom"] - dropped
+    by_scans = sum("the laser leads" in warning for warning in report["warnings"])
+    lines = len(read_tum(tmp_path / "trajectory.tum"))
+    assert lines == report["messages"]["/odom"] - dropped or (
+        by_scans and lines > report["messages"]["/odom"] - dropped
+    )
     final = evaluate(tmp_path, truth).final.alignment.error
     assert final.not_covered == 0
     assert final.ate_rmse_m < BOUND_M[name]

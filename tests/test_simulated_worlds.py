@@ -53,7 +53,7 @@ def test_the_warehouse_with_the_laser(tmp_path: Path) -> None:
     replay_by_cli(made.recording, tmp_path / "out", "--no-rrd")
     final_m, _, evaluation = scored(made, tmp_path / "out")
     assert final_m < 0.15
-    assert_precise(evaluation, least=10)
+    assert_precise(evaluation, least=5)
 
 
 @pytest.mark.slow

@@ -1,0 +1,45 @@
+"""The log that runs in a process of its own writes what the one beside would, and says when it cannot."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from wayfi.recordings.log_process import LogProcess, LogProcessError
+from wayfi.recordings.rerun_config import RerunConfig
+from wayfi.recordings.rerun_log import RerunLog
+
+sys.path.insert(0, str(Path(__file__).parent))
+from rerun_events import drive
+
+EVENTS = list(drive(40, 60))
+CONFIG = replace(RerunConfig(), scan_points=50)
+
+
+def entities(path: Path) -> dict[str, int]:
+    """Rows by entity."""
+    rows: dict[str, int] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+    return rows
+
+
+def test_the_file_holds_what_a_log_in_this_process_holds(tmp_path: Path) -> None:
+    beside, here = LogProcess(CONFIG, tmp_path / "a.rrd", "one"), RerunLog(CONFIG, tmp_path / "b.rrd", False, "one")
+    for log in (beside, here):
+        for event in EVENTS:
+            log.log(event)
+        log.log_durations({"wifi": 0.002})
+        log.close()
+    assert entities(tmp_path / "a.rrd") == entities(tmp_path / "b.rrd")
+
+
+def test_a_file_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
+    log = LogProcess(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one")
+    with pytest.raises(LogProcessError, match="the log ended early"):
+        for _ in range(100):
+            for event in EVENTS:
+                log.log(event)
+        log.close()
