@@ -26,20 +26,21 @@ def entities(path: Path) -> dict[str, int]:
     return rows
 
 
+def log_all_and_close(log: LogProcess | RerunLog) -> None:
+    for event in EVENTS:
+        log.log(event)
+    log.log_durations({"wifi": 0.002})
+    log.close()
+
+
 def test_the_file_holds_what_a_log_in_this_process_holds(tmp_path: Path) -> None:
     beside, here = LogProcess(CONFIG, tmp_path / "a.rrd", "one"), RerunLog(CONFIG, tmp_path / "b.rrd", False, "one")
     for log in (beside, here):
-        for event in EVENTS:
-            log.log(event)
-        log.log_durations({"wifi": 0.002})
-        log.close()
+        log_all_and_close(log)
     assert entities(tmp_path / "a.rrd") == entities(tmp_path / "b.rrd")
 
 
 def test_a_file_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
     log = LogProcess(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one")
     with pytest.raises(LogProcessError, match="the log ended early"):
-        for _ in range(100):
-            for event in EVENTS:
-                log.log(event)
-        log.close()
+        log_all_and_close(log)
