@@ -1,5 +1,6 @@
 """One frozen configuration: defaults < files < --set, unknown keys refused, saved with every run."""
 
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -82,11 +83,13 @@ def config_of(values: Mapping[str, Any]) -> Config:
     """The configuration of a nested mapping, what it leaves out by default. Raises ConfigError."""
     _refuse_unknown(values, Config, "")
     try:
-        return _ADAPTER.validate_python(values)
+        config = _ADAPTER.validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ConfigError(f"{where}: {first['msg']} (it is {first['input']!r}); see `wayfi config`") from None
+    _refuse_impossible(config, "")
+    return config
 
 
 def config_toml(config: Config, explain: bool = False) -> str:
@@ -99,6 +102,19 @@ def config_dict(config: Any) -> dict[str, Any]:  # noqa: ANN401 - any section
     return {
         f.name: config_dict(value) if is_dataclass(value := getattr(config, f.name)) else value for f in fields(config)
     }
+
+
+def _refuse_impossible(section: Any, path: str) -> None:  # noqa: ANN401 - any section
+    for f in fields(section):
+        value = getattr(section, f.name)
+        if is_dataclass(value):
+            _refuse_impossible(value, f"{path}{f.name}.")
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise ConfigError(f"{path}{f.name}: must be finite (it is {value})")
+        elif isinstance(value, float) and f.metadata["unit"] and value <= 0:
+            raise ConfigError(f"{path}{f.name}: must be above zero, in {f.metadata['unit']} (it is {value})")
+        elif f.name == "mount" and len(value) not in (0, 3):
+            raise ConfigError(f"{path}{f.name}: must be empty or three numbers, x, y, theta (it is {value})")
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -181,5 +181,18 @@ def test_a_file_that_is_missing_or_no_toml_is_refused_by_name(tmp_path: Path) ->
         load_config([binary])
 
 
+@pytest.mark.parametrize(
+    "setting", ["lidar.cell_m=0.0", "map.resolution_m=-1.0", "lidar.icp.sigma_m=nan", "lidar.mount=[1.0, 2.0]"]
+)
+def test_a_value_that_nothing_could_run_with_is_refused_by_name(setting: str) -> None:
+    with pytest.raises(ConfigError, match=setting.partition("=")[0]):
+        load_config((), [setting])
+
+
+def test_the_example_for_a_robot_is_a_configuration() -> None:
+    example = Path(__file__).parents[1] / "deploy" / "robot.toml"
+    assert load_config([example]).recording.directory == "/var/lib/wayfi"
+
+
 def test_defaults_are_finite() -> None:
     assert all(math.isfinite(value) for _, _, value in OPTIONS if isinstance(value, float))
