@@ -42,26 +42,16 @@ class IcpResult:
 
 def icp(points: Floats, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
     """Align `points` (n, 2) m to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about it."""
-    pose, information, inliers, residual = _align(
-        np.ascontiguousarray(points),
-        target.points,
-        target.normals,
-        target.starts,
-        target.origin,
-        target.cell_m,
-        target.rows,
-        target.columns,
-        guess.array(),
-        prior,
-        config.iterations,
-        config.gate_start_m,
-        config.gate_end_m,
-        config.inlier_m,
-        config.sigma_m,
-        config.correlated_points,
-    )
-    n = max(len(points), 1)
-    return IcpResult(Pose2.of(pose), information, inliers / n, residual)
+    points = np.ascontiguousarray(points)
+    index = (
+        target.points, target.normals, target.starts, target.origin, target.cell_m, target.rows, target.columns,
+    )  # fmt: skip
+    pose, information = _align(
+        points, *index, guess.array(), prior, config.iterations, config.gate_start_m, config.gate_end_m,
+        config.sigma_m, config.correlated_points,
+    )  # fmt: skip
+    inliers, residual = _inliers(points, *index, pose, config.inlier_m)
+    return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual)
 
 
 @njit(cache=True)
@@ -79,10 +69,9 @@ def _align(
     iterations: int,
     gate_start_m: float,
     gate_end_m: float,
-    inlier_m: float,
     sigma_m: float,
     correlated: float,
-) -> tuple[Floats, Floats, int, float]:
+) -> tuple[Floats, Floats]:
     pose = guess.copy()
     information = np.zeros((3, 3))
     for iteration in range(iterations):
@@ -117,6 +106,23 @@ def _align(
         pose += step
         if gate <= gate_end_m and abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-5:
             break
+    return pose, information
+
+
+@njit(cache=True)
+def _inliers(
+    points: Floats,
+    target: Floats,
+    normals: Floats,
+    starts: NDArray[np.int64],
+    origin: Floats,
+    cell_m: float,
+    rows: int,
+    columns: int,
+    pose: Floats,
+    inlier_m: float,
+) -> tuple[int, float]:
+    """How many points lie within `inlier_m` of a line, and their mean distance."""
     inliers, total = 0, 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
@@ -131,4 +137,4 @@ def _align(
         if error < inlier_m:
             inliers += 1
             total += error
-    return pose, information, inliers, total / max(inliers, 1)
+    return inliers, total / max(inliers, 1)

@@ -51,13 +51,11 @@ class LogProcess:
 
     def close(self) -> None:
         """Everything is in the file afterwards."""
+        if self._complaints.closed:
+            return
         self._send(self._waiting)
         self._waiting = []
-        self._pickles.put(None)
-        self._writer.join()
-        if self._process.wait():
-            raise LogProcessError(self._last_complaint())
-        self._complaints.close()
+        self._end()
 
     def _add(self, message: Event | dict[str, float]) -> None:
         self._waiting.append(message)
@@ -67,7 +65,7 @@ class LogProcess:
 
     def _send(self, value: Any) -> None:  # noqa: ANN401 - whatever the other side takes
         if self._process.poll() is not None:
-            raise LogProcessError(self._last_complaint())
+            self._end()
         self._pickles.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
 
     def _write(self) -> None:
@@ -80,10 +78,18 @@ class LogProcess:
         while self._pickles.get() is not None:
             pass
 
-    def _last_complaint(self) -> str:
-        self._complaints.seek(0)
-        lines = self._complaints.read().decode(errors="replace").strip().splitlines()
-        return f"the log ended early: {lines[-1] if lines else 'it does not say why'}"
+    def _end(self) -> None:
+        """Wait for the other side to finish; raises LogProcessError with its last word if it failed. Once only."""
+        if self._complaints.closed:
+            return
+        self._pickles.put(None)
+        self._writer.join()
+        code = self._process.wait()
+        with self._complaints as complaints:
+            complaints.seek(0)
+            lines = complaints.read().decode(errors="replace").strip().splitlines()
+        if code:
+            raise LogProcessError(f"the log ended early: {lines[-1] if lines else f'code {code}'}")
 
 
 def _serve() -> None:

@@ -66,9 +66,14 @@ def replay(
     recording = open_recording(recording_path)
     _make_folder(options.out)
     sha256 = recording.sha256()
-    drive = Drive(config, calibration, _open_log(config, options, sha256[:16]))
-    unused = _feed_all(recording, drive, options.rate, progress)
-    result = drive.finish()
+    log = _open_log(config, options, sha256[:16])
+    drive = Drive(config, calibration, log)
+    try:
+        unused = _feed_all(recording, drive, options.rate, progress)
+        result = drive.finish()
+    except BaseException:
+        log.close()  # it still holds what led here
+        raise
     if len(result.stamps_ns) == 0:
         raise ReplayError(_nothing_usable(recording_path, drive, unused))
     warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in unused.items()]

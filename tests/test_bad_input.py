@@ -453,7 +453,7 @@ def test_an_exception_leaves_what_was_logged(whole: Path, tmp_path: Path) -> Non
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 1
     assert "out of luck" in done.stderr
-    assert logged_poses(tmp_path / "session.rrd") > 20
+    assert logged_poses(tmp_path / "session.rrd") > 35
 
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])

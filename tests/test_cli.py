@@ -3,16 +3,14 @@
 import json
 import sys
 import tomllib
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
-from click.testing import Result
 from conftest import Replayed
 from typer.main import get_command
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from wayfi.service.cli import app
 from wayfi.service.config import Config, config_dict
@@ -157,14 +155,15 @@ def test_a_missing_configuration_file_exits_with_2(tmp_path: Path) -> None:
 
 def test_what_is_wrong_with_the_world_exits_with_1_in_one_line(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "no_calibration.toml").write_text("[wheels]\n")
-    for arguments in (
+    calls: tuple[list[str | Path], ...] = (
         ["replay", recording, "--out", tmp_path / "o", "--calibration", tmp_path / "no_calibration.toml"],
         ["replay", recording, "--out", tmp_path / "o", "--calibration", tmp_path / "nothing.toml"],
         ["inspect", tmp_path / "nothing.mcap"],
         ["inspect", tmp_path / "no_calibration.toml"],
         ["view", tmp_path / "nothing.rrd"],
         ["evaluate", tmp_path / "nothing", "--truth", tmp_path / "nothing.tum"],
-    ):
+    )
+    for arguments in calls:
         done = wayfi(*arguments)
         assert done.exit_code == 1, arguments
         assert done.stdout == ""
@@ -225,13 +224,14 @@ def test_json_of_a_whole_process_is_one_object(recording: Path, tmp_path: Path) 
 
 
 def test_quiet_says_nothing(recording: Path, carpark_replay: Replayed, tmp_path: Path) -> None:
-    for arguments in (
+    calls: tuple[list[str | Path], ...] = (
         [*SHORT, tmp_path / "office"],
         ["inspect", recording],
         ["replay", recording, "--out", tmp_path / "replay", "--no-rrd"],
         ["config"],
         ["evaluate", copied(carpark_replay.out, tmp_path), "--truth", truth(carpark_replay)],
-    ):
+    )
+    for arguments in calls:
         done = wayfi(*arguments, "--quiet")
         assert (done.exit_code, done.stdout, done.stderr) == (0, "", ""), arguments
 
@@ -255,13 +255,10 @@ def test_the_demo_makes_scores_and_says_where_to_look(tmp_path: Path) -> None:
 # The configuration
 
 
-def keys(section: type, path: str = "") -> list[str]:
-    """Every key of the configuration, dotted."""
-    out: list[str] = []
-    for f in fields(section):
-        inner: Any = f.type
-        out += keys(inner, f"{path}{f.name}.") if is_dataclass(inner) else [f"{path}{f.name}"]
-    return out
+def keys(values: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Every key of a nested mapping, with those it is under."""
+    inner = {name: keys(value) if isinstance(value, dict) else [()] for name, value in values.items()}
+    return [(name, *key) for name, found in inner.items() for key in found]
 
 
 def test_config_prints_every_key_with_its_reason_and_parses_back() -> None:
@@ -270,7 +267,7 @@ def test_config_prints_every_key_with_its_reason_and_parses_back() -> None:
     assert tomllib.loads(done.stdout) == config_dict(Config())
     printed = done.stdout.splitlines()
     settings = [number for number, line in enumerate(printed) if " = " in line and not line.startswith("#")]
-    assert len(settings) == len(keys(Config)) > 50
+    assert len(settings) == len(keys(config_dict(Config()))) > 50
     for number in settings:
         assert printed[number - 1].startswith("# ")
         assert len(printed[number - 1]) > 10
@@ -286,7 +283,7 @@ def test_defaults_then_files_in_their_order_then_settings_in_theirs(tmp_path: Pa
     first, second = tmp_path / "first.toml", tmp_path / "second.toml"
     first.write_text("[lidar]\nmax_range_m = 10.0\nthinning_m = 0.2\nmin_points = 40\n[lidar.trust]\nmost = 50.0\n")
     second.write_text("[lidar]\nthinning_m = 0.3\nmin_points = 50\n")
-    files = ["--config", first, "--config", second]
+    files: list[str | Path] = ["--config", first, "--config", second]
     settings = ["--set", "lidar.min_points=60", "--set", "lidar.min_points=70", "--set", "recording.odom=/wheels"]
     values = one_object(wayfi("config", *settings, *files, "--json"))
     lidar = values["lidar"]
