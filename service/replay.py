@@ -19,6 +19,7 @@ from wayfi.service.config import Config, load_config
 from wayfi.service.drive import Drive
 from wayfi.service.pace import Pace
 from wayfi.service.results import Source, write_results
+from wayfi.service.stop_signal import StopSignal
 
 Progress = Callable[[float], None]
 
@@ -69,7 +70,8 @@ def replay(
     log = _open_log(config, options, sha256[:16])
     drive = Drive(config, calibration, log)
     try:
-        unused = _feed_all(recording, drive, options.rate, progress)
+        with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
+            unused = _feed_all(recording, drive, options.rate, progress, stop)
         result = drive.finish()
     except BaseException:
         log.close()  # it still holds what led here
@@ -81,13 +83,17 @@ def replay(
     return write_results(options.out, drive, result, source)
 
 
-def _feed_all(recording: Recording, drive: Drive, rate: float | None, progress: Progress) -> dict[str, str]:
+def _feed_all(
+    recording: Recording, drive: Drive, rate: float | None, progress: Progress, stop: StopSignal
+) -> dict[str, str]:
     """Feed every record in order; returns the topics that feed no sensor, each with the reason."""
     routes: dict[tuple[str, str, str], Route] = {}
     unused: dict[str, str] = {}
     total = max(recording.message_count, 1)
     pace = Pace(rate)
     for number, record in enumerate(recording):
+        if stop.requested:
+            raise KeyboardInterrupt
         channel = (record.topic, record.type_name, record.encoding)
         if channel not in routes:
             routes[channel] = route(*channel, drive.topics)
