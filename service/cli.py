@@ -149,6 +149,28 @@ def simulate(
 
 
 @app.command()
+def reproduce(
+    recording: Annotated[Path | None, typer.Option(help="MCAP with WiFi; without it a car park is simulated.")] = None,
+    truth: Annotated[Path | None, typer.Option(help="Reference trajectory of the recording, TUM.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for tables and plots; made if need be.")] = Path("reproduce_out"),
+    minutes: Annotated[float | None, typer.Option(min=0.5, help="Cut the simulated drive; full scale without.")] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run the paper's Algorithm 1 as written, and print its tables beside the streaming result."""
+    if (recording is None) != (truth is None):
+        raise typer.BadParameter("--recording and --truth go together: give both or neither")
+    if recording is not None and minutes is not None:
+        raise typer.BadParameter("--minutes cuts the simulated drive; a recording is taken whole")
+    with _output(quiet, as_json) as output:
+        from wayfi.service.reproduction.command import reproduce, simulate_carpark
+
+        if recording is None or truth is None:
+            recording, truth = simulate_carpark(out, minutes, output)
+        reproduce(recording, truth, out, output)
+
+
+@app.command()
 def inspect(
     recording: RecordingPath,
     config: Files = None,

@@ -1,0 +1,111 @@
+"""Algorithm 1 of the paper, stage by stage, over a whole drive at once; and the methods that it is compared with."""
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats
+from wayfi.backend.trajectory import Trajectory
+from wayfi.service.reproduction.batch_graph import optimise
+from wayfi.service.reproduction.laser_stages import close_scans, lidar_closures
+from wayfi.service.reproduction.messages import Progress
+from wayfi.service.reproduction.methods import Method, Stage
+from wayfi.service.reproduction.recorded_drive import RecordedDrive
+from wayfi.service.reproduction.similarities import Similarities, all_similarities
+from wayfi.service.reproduction.similarity_model import distance_closures, learn_model
+from wayfi.service.reproduction.wifi_closures import Closures, Pairs, candidate_pairs, sequence_closures
+from wayfi.service.timing import StageTimer
+
+WINDOW, NEIGHBOURS = 80, 2  # the paper's choice of w and k
+
+Bar = Callable[[str], AbstractContextManager[Progress]]
+
+_ADDITIONAL = (
+    (Method.TENTH, 0.1, Stage.TENTH, Stage.SECOND_OPTIMISATION),
+    (Method.TWO_FIFTHS, 0.4, Stage.TWO_FIFTHS, Stage.SECOND_OPTIMISATION_TWO_FIFTHS),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WifiStage:
+    """The similarities of all fingerprints, the candidate pairs, and the closures among them of w = 80 and k = 2.
+
+    `pairs_s` is how long the similarities and candidates took.
+    """
+
+    similarity: Similarities
+    pairs: Pairs
+    pairs_s: float
+    closures: Closures
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reproduction:
+    """The trajectories by method and the seconds by stage; without a laser, without those of the laser."""
+
+    wifi: WifiStage
+    trajectories: dict[Method, Trajectory]
+    seconds: dict[Stage, float]
+
+
+def run_algorithm1(drive: RecordedDrive, bar: Bar) -> Reproduction:
+    """The paper's stages on `drive`; `bar` opens a progress bar by its title.
+
+    Raises ReproductionError where the drive is too short for the similarity model.
+    """
+    _compile(drive)
+    timer = StageTimer()
+    wifi = _wifi_stage(drive, bar, timer)
+    with bar("first optimisation"), timer(Stage.FIRST_OPTIMISATION):
+        coarse = optimise(drive.poses, [wifi.closures])
+    with bar("similarity model"):
+        model = learn_model(wifi.similarity, drive.poses, drive.path_m)
+        by_model = optimise(drive.poses, [], distance_closures(wifi.pairs, wifi.similarity, model))
+    poses = {Method.SIMILARITY_MODEL: by_model, Method.WIFI: coarse}
+    if drive.scans:
+        poses |= _laser_stages(drive, wifi.closures, coarse, bar, timer)
+    trajectories = {method: Trajectory(drive.stamps_ns, values) for method, values in poses.items()}
+    report = timer.report()
+    seconds = {stage: report[stage]["seconds"] for stage in Stage if stage in report}
+    return Reproduction(wifi, {Method.ODOMETRY: drive.odometry, **trajectories}, seconds)
+
+
+def _compile(drive: RecordedDrive) -> None:
+    """Run what is compiled at its first use on next to nothing: the seconds by stage are to be of the method."""
+    similarity = all_similarities(drive.readings[:2], _unseen)
+    sequence_closures(np.array([[0, 1]]), similarity, drive.poses[:2], 2, 1)
+    two = dict(list(drive.scans.items())[:2])
+    if two:
+        close_scans(two, np.zeros_like(drive.poses), np.zeros_like(drive.path_m), _unseen)
+
+
+def _unseen(fraction: float) -> None:
+    """The progress of what is over at once."""
+
+
+def _wifi_stage(drive: RecordedDrive, bar: Bar, timer: StageTimer) -> WifiStage:
+    with bar("similarity of all pairs of fingerprints") as progress, timer(Stage.WIFI_CLOSURES):
+        start = time.perf_counter()
+        similarity = all_similarities(drive.readings, progress)
+        pairs = candidate_pairs(similarity, drive.path_m)
+        pairs_s = time.perf_counter() - start
+        closures = sequence_closures(pairs, similarity, drive.poses, WINDOW, NEIGHBOURS)
+    return WifiStage(similarity, pairs, pairs_s, closures)
+
+
+def _laser_stages(
+    drive: RecordedDrive, wifi: Closures, coarse: Floats, bar: Bar, timer: StageTimer
+) -> dict[Method, Floats]:
+    """(n, 3) poses by method, given the closures by WiFi and the `coarse` trajectory (n, 3) that they give."""
+    with bar("scan matching in close proximity") as progress, timer(Stage.CLOSE_SCANS):
+        close = close_scans(drive.scans, drive.poses, drive.path_m, progress)
+    poses = {Method.CLOSE_SCANS: optimise(drive.poses, [wifi, close])}
+    for method, share, search, optimisation in _ADDITIONAL:
+        with bar(f"LiDAR closures of {share:.0%} of the scans") as progress, timer(search):
+            additional = lidar_closures(drive.scans, coarse, drive.path_m, share, progress)
+        with bar("second optimisation"), timer(optimisation):
+            poses[method] = optimise(drive.poses, [wifi, close, additional])
+    return poses

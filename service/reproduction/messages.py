@@ -1,0 +1,24 @@
+"""The messages of a recording that a sensor sent, for the batch method and for the streaming service alike."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.messages import DEFAULT_TOPICS
+from wayfi.recordings.topics import Encoding, route
+
+Progress = Callable[[float], None]
+
+
+def sensor_messages(recording_path: Path, progress: Progress) -> Iterator[tuple[Sensor, Encoding, bytes]]:
+    """The sensor, encoding and data of each message in the recording's order. Raises RecordingError."""
+    recording = open_recording(recording_path)
+    total = max(recording.message_count, 1)
+    for number, record in enumerate(recording):
+        if number % 100 == 0:
+            progress(number / total)
+        found = route(record.topic, record.type_name, record.encoding, DEFAULT_TOPICS)
+        if found.sensor is not None and found.encoding is not None:
+            yield found.sensor, found.encoding, record.data
+    progress(1.0)

@@ -1,0 +1,27 @@
+"""What the paper compares (Table III) and the steps that it times (Table IV), in its order."""
+
+from enum import StrEnum
+
+
+class Method(StrEnum):
+    """A way to a trajectory; each of the laser's last ones adds to the close scans."""
+
+    ODOMETRY = "odometry"
+    GMAPPING = "GMapping"
+    SIMILARITY_MODEL = "similarity model"
+    WIFI = "WiFi"
+    CLOSE_SCANS = "WiFi + close scans"
+    TENTH = "WiFi + close scans + 10 %"
+    TWO_FIFTHS = "WiFi + close scans + 40 %"
+
+
+class Stage(StrEnum):
+    """A step of Algorithm 1."""
+
+    WIFI_CLOSURES = "WiFi closures"
+    FIRST_OPTIMISATION = "first optimisation"
+    CLOSE_SCANS = "close scans"
+    TENTH = "10 % more scans"
+    SECOND_OPTIMISATION = "second optimisation"
+    TWO_FIFTHS = "40 % more scans"
+    SECOND_OPTIMISATION_TWO_FIFTHS = "second optimisation, 40 %"

@@ -1,0 +1,134 @@
+"""A recording as a batch method takes it: the WiFi scans are its poses, each with a fingerprint and a laser scan."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats, Pose2, between_all
+from wayfi.backend.trajectory import Stamps, Trajectory
+from wayfi.frontends.fingerprints import Readings, usable_readings
+from wayfi.frontends.laser_points import ScanPoints, beam_points, normals_along, planar_mount, thin, to_base
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
+from wayfi.recordings.codec import decode
+from wayfi.recordings.codec_error import CodecError
+from wayfi.service.reproduction.errors import ReproductionError
+from wayfi.service.reproduction.messages import Progress, sensor_messages
+
+SECOND_NS = 1_000_000_000
+SCAN_WITHIN_S = 2.0  # of its WiFi scan; the odometry carries it over
+MAX_RANGE_M, THINNING_M = 25.0, 0.08
+NORMAL_REACH, NORMAL_RADIUS_M = 5, 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedDrive:
+    """n WiFi scans in order of time; `stamps_ns` (n,) are when they were heard.
+
+    `poses` (n, 3) are the odometry's there, `path_m` (n,) the metres driven. `scans` are laser points in the frame of
+    the pose, by its number; empty without a laser. `odometry` is the whole of it.
+    """
+
+    odometry: Trajectory
+    stamps_ns: Stamps
+    poses: Floats
+    path_m: Floats
+    readings: list[Readings]
+    scans: dict[int, ScanPoints]
+
+
+@dataclass(frozen=True, slots=True)
+class _Sensed:
+    """What the sensors of a recording said; `mounts` are T_base_laser by frame, and whether it hangs upside down."""
+
+    odometry: list[Odometry] = field(default_factory=list)
+    wifi: list[WifiScan] = field(default_factory=list)
+    laser: list[LaserScan] = field(default_factory=list)
+    mounts: dict[str, tuple[Pose2, bool]] = field(default_factory=dict)
+
+    def take(self, measurement: Measurement) -> None:
+        match measurement:
+            case Odometry() if measurement.pose.is_finite():
+                self.odometry.append(measurement)
+            case WifiScan():
+                self.wifi.append(measurement)
+            case LaserScan():
+                self.laser.append(measurement)
+            case StaticTransforms():
+                self.mounts.update({t.child_frame_id: planar_mount(t) for t in measurement.transforms})
+
+
+def read_drive(recording_path: Path, progress: Progress) -> RecordedDrive:
+    """The drive in a recording; messages that cannot be decoded are passed over.
+
+    Raises RecordingError, or ReproductionError without WiFi or odometry.
+    """
+    sensed = _Sensed()
+    for sensor, encoding, data in sensor_messages(recording_path, progress):
+        try:
+            sensed.take(decode(data, sensor, encoding))
+        except CodecError:
+            continue
+    if len(sensed.odometry) < 2:
+        raise ReproductionError(f"{recording_path}: no odometry; the paper's method starts from it")
+    path = _odometry_path(sensed.odometry)
+    stamps_ns, readings = _fingerprints(sensed.wifi, path)
+    if len(readings) < 2:
+        raise ReproductionError(f"{recording_path}: no WiFi to close loops with; see `wayfi inspect`")
+    poses = path.at(stamps_ns)
+    path_m = np.interp(path.seconds(stamps_ns), path.seconds(path.stamps_ns), path.path_m())
+    return RecordedDrive(path, stamps_ns, poses, path_m, readings, _scans(sensed, path, stamps_ns, poses))
+
+
+def _odometry_path(odometry: list[Odometry]) -> Trajectory:
+    """The poses in order of time, the first of those with one stamp."""
+    stamps_ns, first = np.unique(np.array([m.stamp_ns for m in odometry], np.int64), return_index=True)
+    return Trajectory(stamps_ns, np.array([odometry[i].pose.array() for i in first]))
+
+
+def _fingerprints(wifi: list[WifiScan], path: Trajectory) -> tuple[Stamps, list[Readings]]:
+    """When each usable scan was heard, in the median of its readings, and what it heard; within the odometry's time."""
+    heard = []
+    for scan in wifi:
+        readings = usable_readings(scan)
+        if readings.bssids:
+            heard.append((scan.stamp_ns - int(float(np.median(readings.age_s)) * SECOND_NS), readings))
+    heard = [scan for scan in heard if path.stamps_ns[0] <= scan[0] <= path.stamps_ns[-1]]
+    heard.sort(key=lambda scan: scan[0])
+    return np.array([stamp_ns for stamp_ns, _ in heard], np.int64), [readings for _, readings in heard]
+
+
+def _scans(sensed: _Sensed, path: Trajectory, stamps_ns: Stamps, poses: Floats) -> dict[int, ScanPoints]:
+    """The laser scan of each pose: the two are nearest to each other in time; the odometry moves it between them."""
+    if not sensed.laser:
+        return {}
+    laser = sorted(sensed.laser, key=lambda scan: scan.stamp_ns)
+    scan_ns = np.array([scan.stamp_ns for scan in laser], np.int64)
+    nearest = _nearest(scan_ns, stamps_ns)
+    mutual = _nearest(stamps_ns, scan_ns)[nearest] == np.arange(len(stamps_ns))
+    soon = np.abs(scan_ns[nearest] - stamps_ns) <= SCAN_WITHIN_S * SECOND_NS
+    T_pose_scan = between_all(poses, path.at(scan_ns[nearest]))
+    scans = {}
+    for number in np.flatnonzero(mutual & soon).tolist():
+        scan = laser[nearest[number]]
+        mount, upside_down = sensed.mounts.get(scan.frame_id, (Pose2(), False))
+        placed = _scan_points(scan, Pose2.of(T_pose_scan[number]), mount, upside_down)
+        if len(placed.points):
+            scans[number] = placed
+    return scans
+
+
+def _scan_points(scan: LaserScan, T_pose_scan: Pose2, mount: Pose2, upside_down: bool) -> ScanPoints:
+    points = T_pose_scan.transform(to_base(beam_points(scan, MAX_RANGE_M)[1], mount, upside_down, None))
+    T_pose_laser = T_pose_scan @ mount
+    normals = normals_along(points, T_pose_laser.array()[:2], NORMAL_REACH, NORMAL_RADIUS_M)
+    kept = thin(points, THINNING_M)
+    return ScanPoints(points[kept], normals[kept], T_pose_laser)
+
+
+def _nearest(sorted_ns: Stamps, stamps_ns: Stamps) -> NDArray[np.int64]:
+    """(n,) for each of `stamps_ns` the index of the nearest of `sorted_ns`."""
+    after = np.minimum(np.searchsorted(sorted_ns, stamps_ns), len(sorted_ns) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(stamps_ns - sorted_ns[before] < sorted_ns[after] - stamps_ns, before, after)

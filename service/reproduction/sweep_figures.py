@@ -1,0 +1,39 @@
+"""The figures of one column of Tables I and II, and how closures are scored for them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, between_all
+from wayfi.backend.scoring import EDGE_S, GAP_S
+from wayfi.backend.trajectory import Flags, Stamps, Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class SweepFigures:
+    """How many closures, their mean errors, how long it took to find them, the ATE with them; None is not known."""
+
+    closures: int | None = None
+    position_m: float | None = None
+    orientation_rad: float | None = None
+    seconds: float | None = None
+    ate_m: float | None = None
+
+
+def closure_errors(
+    stamps_ns: Stamps, T_a_b: Floats, truth: Trajectory, heading_claimed: Flags | None = None
+) -> tuple[float | None, float | None]:
+    """The mean errors (m, rad) of closures `T_a_b` (m, 3) between `stamps_ns` (m, 2); None where there are none.
+
+    The orientation is of those whose heading is claimed (m,), all where None. Ends that `truth` does not cover are
+    left out.
+    """
+    known = np.all([truth.covers(stamps_ns[:, end], EDGE_S, GAP_S) for end in (0, 1)], axis=0)
+    true = between_all(*(truth.at(stamps_ns[known, end]) for end in (0, 1)))
+    errors = between_all(true, T_a_b[known])
+    turns = np.abs(errors[:, 2] if heading_claimed is None else errors[heading_claimed[known], 2])
+    return _mean(np.hypot(errors[:, 0], errors[:, 1])), _mean(turns)
+
+
+def _mean(values: Floats) -> float | None:
+    return float(values.mean()) if len(values) else None

@@ -1,0 +1,120 @@
+"""The paper's Tables I to IV: its figures, the reproduction's and the streaming service's, side by side."""
+
+import csv
+import io
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from wayfi.recordings.files import write_text
+from wayfi.service.reproduction import paper_figures
+from wayfi.service.reproduction.methods import Method, Stage
+from wayfi.service.reproduction.sweep_figures import SweepFigures
+
+COLUMNS = ["paper", "reproduction", "streaming"]
+
+SWEPT = {
+    "closures": "closures",
+    "position_m": "position error of a closure, m",
+    "orientation_rad": "orientation error of a closure, rad",
+    "seconds": "time, s",
+    "ate_m": "ATE of WiFi SLAM, m",
+}
+"""What Tables I and II hold, by the field of SweepFigures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One quantity of one setting, method or stage; None where there is no figure."""
+
+    quantity: str
+    setting: str
+    paper: float | None
+    reproduction: float | None
+    streaming: float | None
+
+    @property
+    def figures(self) -> tuple[float | None, float | None, float | None]:
+        """Of the three columns."""
+        return self.paper, self.reproduction, self.streaming
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One of the paper's tables; `setting` is what its rows are by, `file` the name of its CSV."""
+
+    title: str
+    file: str
+    setting: str
+    rows: list[Row]
+
+    @property
+    def columns(self) -> list[str]:
+        """The head of the table."""
+        return ["quantity", self.setting, *COLUMNS]
+
+    def words(self) -> list[list[str]]:
+        """The rows as text: a quantity where it begins, nothing where there is no figure."""
+        words, quantity = [], ""
+        for row in self.rows:
+            named = "" if row.quantity == quantity else row.quantity
+            words.append([named, row.setting, *map(figure_text, row.figures)])
+            quantity = row.quantity
+        return words
+
+
+def figure_text(value: float | None) -> str:
+    """Three digits, or all of them before the point."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def sweep_table(
+    letter: str, paper: dict[int, SweepFigures], ours: dict[int, SweepFigures], chosen: int, streaming: SweepFigures
+) -> Table:
+    """Table I (`letter` w) or II (k). The streaming service has neither: it stands beside the paper's choice."""
+    number, other = ("I", "k = 2") if letter == "w" else ("II", "w = 80")
+    rows = []
+    for name, quantity in SWEPT.items():
+        for value, figures in ours.items():
+            beside = streaming if value == chosen else SweepFigures()
+            rows.append(
+                Row(quantity, str(value), *(getattr(column, name) for column in (paper[value], figures, beside)))
+            )
+    title = f"Table {number}: WiFi closures by {letter}, {other} (streaming: laser off)"
+    return Table(title, f"table_{number}_{letter}.csv", letter, rows)
+
+
+def method_table(ours: dict[Method, float], laser_off: float, laser_on: float | None) -> Table:
+    """Table III: the ATE of each method; the streaming service with its laser off, and with everything on."""
+    streaming = {Method.WIFI: laser_off, Method.TWO_FIFTHS: laser_on}
+    rows = [
+        Row("ATE, m", method, paper_figures.ATE_M[method], ours.get(method), streaming.get(method))
+        for method in Method
+        if method in ours or method is Method.GMAPPING
+    ]
+    beside = "laser off" if laser_on is None else "laser off beside WiFi, laser on in the last row"
+    return Table(f"Table III: ATE by method (streaming: {beside})", "table_III_methods.csv", "method", rows)
+
+
+def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) -> Table:
+    """Table IV: the time of each stage, of those that the paper times together, and of the whole pipeline."""
+    rows = [
+        Row("time, s", stage, paper_figures.SECONDS.get(stage), ours[stage], None) for stage in Stage if stage in ours
+    ]
+    timed = [stage for stage in ours if stage in paper_figures.SECONDS]
+    paper_s, ours_s = (sum(column[stage] for stage in timed) for column in (paper_figures.SECONDS, ours))
+    together = "together" if len(timed) == len(ours) else "together, without 40 %"
+    rows.append(Row("time, s", together, paper_s, ours_s, streaming_s))
+    title = f"Table IV: time by stage; the paper's drive took {paper_figures.DRIVE_S:.0f} s, this one {drive_s:.0f} s"
+    return Table(title, "table_IV_time.csv", "stage", rows)
+
+
+def write_tables(directory: Path, tables: list[Table]) -> None:
+    """Write each table as CSV into `directory`, figures in full."""
+    for table in tables:
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(table.columns)
+        writer.writerows(asdict(row).values() for row in table.rows)
+        write_text(directory / table.file, text.getvalue())
