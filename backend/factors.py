@@ -61,3 +61,39 @@ def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
         return np.array([x - expected.x, y - expected.y, wrap(theta - expected.theta)])
 
     return error
+
+
+def near_factor(a: int, b: int, place_a: Floats, place_b: Floats, sigma_m: float) -> gtsam.NonlinearFactor:
+    """The constraint that `place_a` (2,) m in keyframe a and `place_b` in keyframe b are one place, to `sigma_m`.
+
+    "0 m apart", said hundreds of times, would shrink the map: the distance is counted in the wheels' own metres, so
+    that these constraints say nothing of the wheels' scale.
+    """
+    keys = [pose_key(a), pose_key(b), CALIBRATION]
+    noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_m)
+    return gtsam.CustomFactor(noise, keys, _near_error(keys, place_a, place_b))
+
+
+def _near_error(keys: list[int], place_a: Floats, place_b: Floats) -> Callable[..., Floats]:
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        scale = 1.0 + values.atVector(keys[2])[0]
+        (at_a, by_a), (at_b, by_b) = (
+            _placed(values.atPose2(key), place) for key, place in zip(keys[:2], (place_a, place_b), strict=True)
+        )
+        apart: Floats = (at_b - at_a) / scale
+        if jacobians is not None:
+            by_calibration = np.zeros((2, 4), order="F")
+            by_calibration[:, 0] = -apart / scale
+            jacobians[0] = np.asfortranarray(-by_a / scale)
+            jacobians[1] = np.asfortranarray(by_b / scale)
+            jacobians[2] = by_calibration
+        return apart
+
+    return error
+
+
+def _placed(pose: gtsam.Pose2, place: Floats) -> tuple[Floats, Floats]:
+    """Where a place in a keyframe lies in `map`, and the (2, 3) derivative by a small motion of the keyframe."""
+    c, s = math.cos(pose.theta()), math.sin(pose.theta())
+    R = np.array([[c, -s], [s, c]])
+    return R @ place + (pose.x(), pose.y()), np.column_stack([R, R @ (-place[1], place[0])])

@@ -81,6 +81,12 @@ class Pose2:
         return Pose2(float(x), float(y), wrap(float(theta)))
 
 
+def meeting(place_a: Floats, place_b: Floats, turned: float) -> Pose2:
+    """T_a_b of two frames, turned by `turned` (rad), in which `place_a` (2,) m in a and `place_b` in b are one."""
+    x, y = place_a - Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
+    return Pose2.of((x, y, turned))
+
+
 def adjoint(T: Pose2) -> Floats:
     """(3, 3) Ad of T_a_b: it takes a small motion expressed in b to the same motion expressed in a."""
     c, s = math.cos(T.theta), math.sin(T.theta)

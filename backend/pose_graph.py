@@ -11,7 +11,7 @@ import gtsam
 import numpy as np
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.factors import CALIBRATION, between_factor, in_b, pose_key, wheel_factor
+from wayfi.backend.factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
@@ -54,7 +54,18 @@ class Wheels:
     covariance: Floats
 
 
-Factor = Between | Wheels
+@dataclass(frozen=True, slots=True, eq=False)
+class Near:
+    """`place_a` (2,) m in keyframe a and `place_b` (2,) m in keyframe b are one place, to `sigma_m` along each axis."""
+
+    a: int
+    b: int
+    place_a: Floats
+    place_b: Floats
+    sigma_m: float
+
+
+Factor = Between | Wheels | Near
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +92,7 @@ class PoseGraph:
         self._queued: list[int] = []
         self._queued_poses: dict[int, Pose2] = {}
         self._removed: list[int] = []
+        self._restart: tuple[Floats, Floats] | None = None
         self.keyframes = 0
         self._settled: Floats = np.zeros((1, 3))
         self._guesses: list[Pose2] = []
@@ -119,13 +131,17 @@ class PoseGraph:
         """
         summary = UpdateSummary(len(self._queued), len(self._removed), len(self._factors))
         moves = self.pending
+        if self._restart is not None:
+            calibration, poses = self._restart
+            self._rebuild(calibration, self._extended(poses))
+            return summary
         if max((self._disagreement(self._factors[n]) for n in self._queued), default=0.0) > self._config.leap_m:
-            self.rebuild(self.calibration_values(), self._start())
+            self._rebuild(self.calibration_values(), self._extended(self._settled))
             return summary
         try:
             self._step()
         except RuntimeError:
-            self.rebuild(self._prior.values, self._start())
+            self._rebuild(self._prior.values, self._extended(self._settled))
             return summary
         if moves:
             self._settled = self._whole_estimate()
@@ -140,14 +156,19 @@ class PoseGraph:
 
     @property
     def pending(self) -> bool:
-        """Whether a loop closure is queued, or the removal of one: the next update may move earlier poses."""
-        return bool(self._removed) or any(self._closes_loop(self._factors[n]) for n in self._queued)
+        """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
+        changes = bool(self._removed) or self._restart is not None
+        return changes or any(self._closes_loop(self._factors[n]) for n in self._queued)
 
-    def rebuild(self, calibration: Floats, poses: Floats) -> None:
-        """Optimise everything anew from `poses` (n, 3) and `calibration` (4,); for leaving a wrong basin.
+    def restart(self, calibration: Floats, poses: Floats) -> None:
+        """With the next update, optimise everything anew from `poses` (n, 3) and `calibration` (4,).
 
-        Levenberg-Marquardt, which does not leap; iSAM2 starts again at its solution.
+        For leaving a wrong basin. Keyframes that come before that update follow on from the last of the poses.
         """
+        self._restart = (calibration, poses)
+
+    def _rebuild(self, calibration: Floats, poses: Floats) -> None:
+        """Levenberg-Marquardt, which does not leap; iSAM2 starts again at its solution."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.addPriorVector(CALIBRATION, self._prior.values, gtsam.noiseModel.Diagonal.Sigmas(self._prior.sigmas))
         values.insert(CALIBRATION, calibration)
@@ -159,7 +180,7 @@ class PoseGraph:
         solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
         self._isam = self._fresh_isam(np.asarray(solved.atVector(CALIBRATION)))
         self._queued = list(self._factors)
-        self._slots, self._removed = {}, []
+        self._slots, self._removed, self._restart = {}, [], None
         self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
         self._step()
         self._settled = self._whole_estimate()
@@ -176,13 +197,13 @@ class PoseGraph:
         self._slots.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
         self._queued, self._queued_poses, self._removed = [], {}, []
 
-    def _start(self) -> Floats:
-        """(n, 3) where to start anew: the estimate after the last closure, and the first guesses from there on."""
-        poses = list(self._settled)
-        for k in range(len(poses), self.keyframes):
+    def _extended(self, poses: Floats) -> Floats:
+        """(n, 3) `poses` of the first keyframes, and from there on the steps between the first guesses."""
+        extended = list(poses)
+        for k in range(len(extended), self.keyframes):
             step = self._guesses[k - 1].between(self._guesses[k])
-            poses.append((Pose2.of(poses[-1]) @ step).array())
-        return np.array(poses)
+            extended.append((Pose2.of(extended[-1]) @ step).array())
+        return np.array(extended)
 
     def _whole_estimate(self) -> Floats:
         estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
@@ -190,15 +211,18 @@ class PoseGraph:
 
     def _disagreement(self, factor: Factor) -> float:
         """How far (m) a closure is from the estimate, beyond three sigmas of it; 0 for a factor that closes none."""
-        if not self._closes_loop(factor):
+        if not self._closes_loop(factor) or isinstance(factor, Wheels):
             return 0.0
-        assert isinstance(factor, Between)
-        apart = self.pose(factor.a).between(self.pose(factor.b)).distance(factor.T_a_b)
+        T_map_a, T_map_b = self.pose(factor.a), self.pose(factor.b)
+        if isinstance(factor, Near):
+            (ax, ay), (bx, by) = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
+            return math.hypot(bx - ax, by - ay) - 3 * factor.sigma_m
+        apart = T_map_a.between(T_map_b).distance(factor.T_a_b)
         return apart - 3 * math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
 
     @staticmethod
     def _closes_loop(factor: Factor) -> bool:
-        return isinstance(factor, Between) and abs(factor.a - factor.b) > 1
+        return isinstance(factor, Near) or (isinstance(factor, Between) and abs(factor.a - factor.b) > 1)
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated now."""
@@ -234,6 +258,14 @@ class PoseGraph:
         J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
         return in_b(J @ joint @ J.T, -T_a_b.theta)
 
+    def place_covariance(self, a: int, b: int, place_b: Floats) -> Floats:
+        """(2, 2) covariance, in axes of a, of where `place_b` (2,) m of keyframe b lies in keyframe a."""
+        turned = self.pose(a).between(self.pose(b)).theta
+        x, y = Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
+        J = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+        covariance: Floats = J @ self.relative_covariance(a, b) @ J.T
+        return covariance
+
     def wheels(self) -> list[Wheels]:
         """The wheel factors, in the order they came."""
         return [factor for factor in self._factors.values() if isinstance(factor, Wheels)]
@@ -251,6 +283,7 @@ class PoseGraph:
         thresholds.insert(("x", pose_threshold))
         thresholds.insert(("c", np.full(4, self._config.relinearize_calibration)))
         params.setRelinearizeThreshold(thresholds)
+        params.setFactorization("QR")  # Cholesky breaks down over long chains of wheels with one loose calibration
         params.relinearizeSkip = 1
         params.enablePartialRelinearizationCheck = True
         params.findUnusedFactorSlots = True
@@ -266,6 +299,10 @@ class PoseGraph:
         name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
         if not (0 <= factor.a < self.keyframes and 0 <= factor.b < self.keyframes) or factor.a == factor.b:
             raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {self.keyframes})")
+        if isinstance(factor, Near):
+            if not (np.isfinite([*factor.place_a, *factor.place_b]).all() and 0 < factor.sigma_m < math.inf):
+                raise FactorError(f"{name}: its places must be finite, and its sigma finite and above zero")
+            return
         pose = factor.T_a_b if isinstance(factor, Between) else factor.motion.pose
         way = (0.0, 0.0) if isinstance(factor, Between) else (factor.motion.path_m, factor.motion.seconds)
         if not pose.is_finite() or not np.isfinite(way).all() or not np.isfinite(factor.covariance).all():
@@ -288,4 +325,6 @@ def _origin() -> gtsam.NonlinearFactor:
 def _gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
     if isinstance(factor, Between):
         return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
+    if isinstance(factor, Near):
+        return near_factor(factor.a, factor.b, factor.place_a, factor.place_b, factor.sigma_m)
     return wheel_factor(factor.a, factor.b, factor.motion, factor.covariance)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
-from wayfi.frontends.calibration_search import SearchConfig
+from wayfi.frontends.consensus import ConsensusConfig
 from wayfi.frontends.correlative import build_field, search
 from wayfi.frontends.icp import icp
 from wayfi.frontends.laser_points import ScanPoints
@@ -30,11 +30,10 @@ class ClosureConfig:
     gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
-    gate_chi2_position: float = option(13.82, "", "the same at 2")
     remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is taken back")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
-    search: SearchConfig = field(default_factory=SearchConfig)
+    consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +101,3 @@ def innovation_chi2(predicted: Pose2, predicted_covariance: Floats, measured: Po
     """Squared Mahalanobis distance of `measured` from `predicted` (T_a_b), their covariances (3, 3) in a's axes."""
     e = np.array([measured.x - predicted.x, measured.y - predicted.y, wrap(measured.theta - predicted.theta)])
     return float(e @ np.linalg.solve(predicted_covariance + covariance, e))
-
-
-def position_chi2(predicted: Pose2, predicted_covariance: Floats, measured: Pose2, covariance: Floats) -> float:
-    """As `innovation_chi2`, of the position alone."""
-    e = np.array([measured.x - predicted.x, measured.y - predicted.y])
-    return float(e @ np.linalg.solve(predicted_covariance[:2, :2] + covariance[:2, :2], e))

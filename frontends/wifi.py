@@ -1,22 +1,25 @@
 """WiFi: scans become fingerprints of half a metre of path, and fingerprints heard before become loop candidates.
 
-The sequence candidate follows Ismail et al. (arXiv 2206.08733): for every fingerprint of the window around i its k most
-similar in the window around j, their similarity-weighted mean place, and the rigid motion T* (SVD) between the two
-point sets. What the paper leaves to a fixed threshold is read off the robot's own way: a place is "heard before" if it
-sounds more alike than places `alike_m` apart on the path just driven do.
+A fingerprint is paired with the most similar earlier one. How far apart the two places may be is read off the robot's
+own path (see self_similarity), and the fingerprints around them decide whether they are each other's best: the sequence
+of Ismail et al. (arXiv 2206.08733) without its rigid motion, whose heading is wrong where the window is straight or was
+driven the other way.
 """
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.options import option
-from wayfi.backend.pose2 import Floats, Pose2, between_all
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.fingerprints import FingerprintIndex, Readings
-from wayfi.frontends.sequence import SequenceFit, fit_sequence
+from wayfi.frontends.odometry import PathPoint
+from wayfi.frontends.self_similarity import REACH_M, SelfSimilarity
+
+_SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
 
 
 @dataclass(frozen=True)
@@ -30,16 +33,11 @@ class WifiConfig:
     heard_share: float = option(0.25, "", "an access point heard in fewer of a fingerprint's scans is chance")
     min_readings: int = option(4, "", "fewer access points name no place")
     min_path_m: float = option(30.0, "m", "nearer along the path a closure says nothing new (the paper: 50)")
-    min_similarity: float = option(0.3, "", "the paper's threshold, below which the robot's own does not fall")
-    alike_m: float = option(1.5, "m", "closures are to be good to this; similarity at this distance is the threshold")
-    alike_quantile: float = option(0.4, "", "of the similarities at that distance: places differ in how fast they fade")
-    learn_from: int = option(10, "", "pairs that must be seen before the threshold means anything")
+    near_m: float = option(3.0, "m", "places nearer than this count as one: closures are to be good to this")
+    min_near: float = option(0.5, "", "how likely they must be that near, by the robot's own path")
     candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
-    window: int = option(40, "fingerprints", "the paper's w = 80 single scans, which were 33 m; half a metre each here")
-    neighbours: int = option(2, "", "the paper's k, its best in its table")
-    max_residual_m: float = option(3.0, "m", "the paper's acceptance")
-    sigma_m: float = option(1.5, "m", "of a place named by one best match, as alike_m asks for it")
-    independent_m: float = option(4.0, "m", "shadowing is alike over this length: so much path counts as one fix")
+    beside_m: float = option(4.0, "m", "of path each way from the later place, none more like the earlier than it is")
+    independent_m: float = option(10.0, "m", "shadowing is alike over this length: so much path counts as one fix")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,26 +49,43 @@ class Fingerprint:
     receiver: str
     keyframe: int
     T_keyframe_base: Pose2
-    path_m: float
+    point: PathPoint
     readings: Readings
+
+    @property
+    def path_m(self) -> float:
+        """How far the robot had driven."""
+        return self.point.path_m
+
+    @property
+    def place(self) -> Floats:
+        """(2,) m where it was taken, in its keyframe."""
+        return np.array([self.T_keyframe_base.x, self.T_keyframe_base.y])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WifiCandidate:
-    """Fingerprint `b` sounds like the earlier `a`. `T_a_b` relates their keyframes where a sequence fits, else None."""
+    """Fingerprint `b` sounds like the earlier `a`: one place, to `sigma_m` along each axis.
+
+    `mutual` says whether, of the places beside b, it is b that sounds most like a.
+    """
 
     a: Fingerprint
     b: Fingerprint
     similarity: float
-    sequence: SequenceFit | None
+    sigma_m: float
+    mutual: bool = False
 
 
-@dataclass(slots=True)
-class _Open:
-    """Scans of one receiver that are not a fingerprint yet."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _PlacedScan:
+    """A scan of one receiver, where it was taken."""
 
-    start_path_m: float
-    scans: list[tuple[int, int, Pose2, float, Readings]] = field(default_factory=list)
+    stamp_ns: int
+    keyframe: int
+    T_keyframe_base: Pose2
+    point: PathPoint
+    readings: Readings
 
 
 class Wifi:
@@ -79,53 +94,61 @@ class Wifi:
     def __init__(self, config: WifiConfig) -> None:
         self._config = config
         self._index = FingerprintIndex(config.similarity_sigma_db)
-        self._open: dict[str, _Open] = {}
-        self._own: deque[float] = deque(maxlen=500)
+        self._open: dict[str, list[_PlacedScan]] = {}
+        self._self_similarity = SelfSimilarity(config.near_m)
+        self._held: deque[WifiCandidate] = deque()
         self._last_candidate_m = -math.inf
-        self._path = np.empty(0)
+        self._path_m = np.empty(64)
         self.fingerprints: list[Fingerprint] = []
 
     def add_scan(
-        self, stamp_ns: int, receiver: str, keyframe: int, T_keyframe_base: Pose2, path_m: float, readings: Readings
+        self, stamp_ns: int, receiver: str, keyframe: int, T_keyframe_base: Pose2, point: PathPoint, readings: Readings
     ) -> Fingerprint | None:
         """Take a scan at its place; returns the fingerprint that it completes, if it does."""
-        gathered = self._open.setdefault(receiver, _Open(path_m))
-        gathered.scans.append((stamp_ns, keyframe, T_keyframe_base, path_m, readings))
-        full = len(gathered.scans) >= self._config.fingerprint_scans
-        if path_m - gathered.start_path_m < self._config.fingerprint_m and not full:
+        scans = self._open.setdefault(receiver, [])
+        scans.append(_PlacedScan(stamp_ns, keyframe, T_keyframe_base, point, readings))
+        long_enough = point.path_m - scans[0].point.path_m >= self._config.fingerprint_m
+        if not long_enough and len(scans) < self._config.fingerprint_scans:
             return None
         del self._open[receiver]
-        return self._complete(receiver, gathered)
+        return self._complete(receiver, scans)
 
     def similarity(self, fingerprint: Fingerprint) -> NDArray[np.float64]:
-        """(number,) similarity of a fingerprint to each earlier one; also what the threshold is learnt from."""
+        """(number,) similarity of a fingerprint to each earlier one; also what its own path teaches."""
         similarity = self._index.similarity(fingerprint.number)
-        gap = fingerprint.path_m - self._path[: fingerprint.number]
-        own = np.abs(gap - self._config.alike_m) < 0.3 * self._config.alike_m
-        self._own.extend(
-            float(similarity[j]) for j in np.flatnonzero(own) if self.fingerprints[j].receiver == fingerprint.receiver
+        own = [f for f in self._beside(fingerprint.number, REACH_M) if f.receiver == fingerprint.receiver]
+        here = fingerprint.point.T_path_base
+        self._self_similarity.add(
+            similarity[[f.number for f in own]], np.array([here.distance(f.point.T_path_base) for f in own])
         )
         return similarity
 
-    @property
-    def threshold(self) -> float:
-        """The similarity above which two fingerprints are taken for one place; infinite until it is learnt."""
-        if len(self._own) < self._config.learn_from:
-            return math.inf
-        return max(self._config.min_similarity, float(np.quantile(self._own, self._config.alike_quantile)))
-
-    def candidate(self, b: Fingerprint, similarity: NDArray[np.float64], poses: Floats) -> WifiCandidate | None:
-        """The best earlier place for `b`, if it sounds like one; `poses` (n, 3) are the keyframes' now."""
+    def candidate(self, b: Fingerprint, similarity: NDArray[np.float64]) -> WifiCandidate | None:
+        """The best earlier place for `b`, if it sounds near enough."""
         if b.path_m - self._last_candidate_m < self._config.candidate_every_m:
             return None
-        far = np.flatnonzero(b.path_m - self._path[: b.number] >= self._config.min_path_m)
+        far = np.flatnonzero(b.path_m - self._path_m[: b.number] >= self._config.min_path_m)
         if len(far) == 0:
             return None
         a = self.fingerprints[int(far[np.argmax(similarity[far])])]
-        if similarity[a.number] < self.threshold:
+        distance = self._self_similarity.distance(float(similarity[a.number]))
+        if distance.near < self._config.min_near:
             return None
         self._last_candidate_m = b.path_m
-        return WifiCandidate(a, b, float(similarity[a.number]), self._sequence(a, b, poses))
+        return WifiCandidate(a, b, float(similarity[a.number]), _SIGMAS_OF_RMS * distance.rms_m)
+
+    def hold(self, candidate: WifiCandidate) -> None:
+        """Keep a candidate until the path beside its later place has been driven as well."""
+        self._held.append(candidate)
+
+    def released(self, at_end: bool = False) -> list[WifiCandidate]:
+        """The held candidates whose surroundings are known by now (`at_end`: as well as they ever will be)."""
+        driven_m = math.inf if at_end else self.fingerprints[-1].path_m
+        released = []
+        while self._held and driven_m - self._held[0].b.path_m >= self._config.beside_m:
+            candidate = self._held.popleft()
+            released.append(replace(candidate, mutual=self._is_mutual(candidate)))
+        return released
 
     def places(self, poses: Floats) -> Floats:
         """(m, 3) poses of all fingerprints in `map`, given the keyframes' (n, 3)."""
@@ -133,47 +156,43 @@ class Wifi:
             -1, 3
         )
 
-    def _complete(self, receiver: str, gathered: _Open) -> Fingerprint | None:
+    def _complete(self, receiver: str, scans: list[_PlacedScan]) -> Fingerprint | None:
         levels: dict[str, list[float]] = {}
-        for *_, readings in gathered.scans:
-            for bssid, rssi in zip(readings.bssids, readings.rssi.tolist(), strict=True):
+        for scan in scans:
+            for bssid, rssi in zip(scan.readings.bssids, scan.readings.rssi.tolist(), strict=True):
                 levels.setdefault(bssid, []).append(rssi)
-        least = self._config.heard_share * len(gathered.scans)
+        least = self._config.heard_share * len(scans)
         mean = {bssid: float(np.mean(rssi)) for bssid, rssi in levels.items() if len(rssi) >= least}
         if len(mean) < self._config.min_readings:
             return None
         merged = Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32), ())
-        stamp_ns, keyframe, T, path_m, _ = gathered.scans[len(gathered.scans) // 2]
-        fingerprint = Fingerprint(self._index.add(merged), stamp_ns, receiver, keyframe, T, path_m, merged)
-        self.fingerprints.append(fingerprint)
-        self._path = np.append(self._path, path_m)
+        middle = scans[len(scans) // 2]
+        fingerprint = Fingerprint(
+            self._index.add(merged), middle.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, middle.point,
+            merged,
+        )  # fmt: skip
+        self._append(fingerprint)
         return fingerprint
 
-    def _sequence(self, a: Fingerprint, b: Fingerprint, poses: Floats) -> SequenceFit | None:
-        """The paper's T* between the window up to b and that around a; None if they do not match.
+    def _append(self, fingerprint: Fingerprint) -> None:
+        if fingerprint.number == len(self._path_m):
+            self._path_m = np.resize(self._path_m, 2 * len(self._path_m))
+        self._path_m[fingerprint.number] = fingerprint.path_m
+        self.fingerprints.append(fingerprint)
 
-        b's window is trailing, so a's reaches as far to each side: it was driven either way.
-        """
-        window = self._config.window
-        rows = np.arange(max(b.number - window, a.number + window // 2), b.number + 1)
-        columns = np.arange(max(a.number - window, 0), min(a.number + window, rows[0] if len(rows) else 0))
-        if len(rows) < window // 2 or len(columns) < window // 2:
-            return None
-        similarity = self._index.similarities(rows, columns)
-        if float(np.mean(similarity.max(axis=1))) < self.threshold:
-            return None
-        fit = fit_sequence(
-            similarity,
-            self._in_frame(columns, a.keyframe, poses),
-            self._in_frame(rows, b.keyframe, poses),
-            self._config.neighbours,
-            self._config.independent_m,
-        )
-        return fit if fit.residual_m < self._config.max_residual_m else None
+    def _beside(self, number: int, reach_m: float) -> list[Fingerprint]:
+        """The fingerprints within `reach_m` of path of fingerprint `number`, itself left out."""
+        path_m = self.fingerprints[number].path_m
+        first = number
+        while first > 0 and path_m - self._path_m[first - 1] <= reach_m:
+            first -= 1
+        last = number
+        while last + 1 < len(self.fingerprints) and self._path_m[last + 1] - path_m <= reach_m:
+            last += 1
+        return [f for f in self.fingerprints[first : last + 1] if f.number != number]
 
-    def _in_frame(self, numbers: NDArray[np.int64], keyframe: int, poses: Floats) -> Floats:
-        """(n, 2) places of fingerprints in the frame of a keyframe."""
-        places = np.array(
-            [(Pose2.of(poses[f.keyframe]) @ f.T_keyframe_base).array() for f in (self.fingerprints[i] for i in numbers)]
-        )
-        return between_all(poses[keyframe], places)[:, :2]
+    def _is_mutual(self, candidate: WifiCandidate) -> bool:
+        """Whether a sounds no more like any place beside b than like b."""
+        beside = [f.number for f in self._beside(candidate.b.number, self._config.beside_m)]
+        similarity = self._index.similarities(np.array([candidate.a.number]), np.array(beside, np.int64))[0]
+        return bool((similarity <= candidate.similarity).all())

@@ -24,15 +24,18 @@ from wayfi.frontends.events import (
 )
 from wayfi.frontends.fingerprints import Readings
 from wayfi.frontends.keyframes import Keyframe, Keyframes
-from wayfi.frontends.loop_closer import LoopCloser
+from wayfi.frontends.lidar_closer import LidarCloser
 from wayfi.frontends.odometry import PathPoint, wheel_covariance
 from wayfi.frontends.scan_tracker import ScanTracker, Tracked
-from wayfi.frontends.wifi import Fingerprint, Wifi
+from wayfi.frontends.verdicts import Verdicts
+from wayfi.frontends.wifi import Fingerprint, Wifi, WifiCandidate
+from wayfi.frontends.wifi_closer import WifiCloser
 from wayfi.service.config import Config
 from wayfi.service.scan_intake import PlacedScan
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
 SHOWN_SIMILARITIES = 50
+SETTLING_REVIEWS = 3
 RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes
 
 
@@ -55,7 +58,11 @@ class Slam:
         self.wifi = Wifi(config.wifi)
         self.grid_scans: list[GridScan] = []
         self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
-        self._closer = LoopCloser(self.graph, self.keyframes, prior, config.closure, config.lidar, config.wifi)
+        verdicts = Verdicts()
+        self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar)
+        self._wifi_closer = WifiCloser(
+            self.graph, self.keyframes, verdicts, prior, config.closure.consensus, config.wifi
+        )
         self._poses: Floats = np.zeros((64, 3))
         self._calibration: Floats = prior.values
         self._covariance: Floats = np.diag([1e-8, 1e-8, 1e-8])
@@ -103,8 +110,8 @@ class Slam:
             events.append(SubmapMatched(point.stamp_ns, number, submap, guess, T_map_base, ratio))
         with self._timer("closure"):
             if moved:
-                events += self._closer.review(self.poses)
-            events += self._closer.close_by_estimate(number, point.stamp_ns, self.poses)
+                events += self._review()
+            events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
         return events + self._observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, receiver: str, point: PathPoint, readings: Readings) -> list[Event]:
@@ -112,23 +119,39 @@ class Slam:
         keyframe = len(self.keyframes) - 1
         T = self.motion_to(point).corrected(self._calibration)
         with self._timer("wifi"):
-            fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point.path_m, readings)
+            fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point, readings)
             if fingerprint is None:
                 return []
             similarity = self.wifi.similarity(fingerprint)
-            candidate = self.wifi.candidate(fingerprint, similarity, self.poses)
+            candidate = self.wifi.candidate(fingerprint, similarity)
         events: list[Event] = [_fingerprint_event(fingerprint, similarity)]
-        if candidate is not None:
-            with self._timer("closure"):
-                events += self._closer.close_by_wifi(candidate, stamp_ns, self.poses)
-            if self._closer.restarted:
-                events += self._update(stamp_ns, moved=True)
+        with self._timer("closure"):
+            if candidate is not None and self._lidar_closer.sees(candidate):
+                events += self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
+            elif candidate is not None:
+                self.wifi.hold(candidate)
+            events += self._close_by_wifi(self.wifi.released(), stamp_ns)
         return events
 
     def settle(self, stamp_ns: int) -> list[Event]:
-        """At the end of a drive: take in the last closures."""
+        """At the end of a drive: take in the last closures, until none of them is taken back."""
+        events = self._close_by_wifi(self.wifi.released(at_end=True), stamp_ns, last=True)
+        for _ in range(SETTLING_REVIEWS):
+            self.graph.settle()
+            events += self._update(stamp_ns, moved=True)
+            reviewed = self._review()
+            if not reviewed:
+                break
+            events += reviewed
         self.graph.settle()
-        return self._update(stamp_ns, moved=True)
+        return events + self._update(stamp_ns, moved=True)
+
+    def _close_by_wifi(self, candidates: list[WifiCandidate], stamp_ns: int, last: bool = False) -> list[Event]:
+        events = [e for candidate in candidates for e in self._wifi_closer.judge(candidate, stamp_ns, self.poses)]
+        return events + self._wifi_closer.decide(stamp_ns, self.poses, last)
+
+    def _review(self) -> list[Event]:
+        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses)
 
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of all fingerprints in `map`."""

@@ -68,7 +68,7 @@ def test_what_is_printed_can_be_read_back(tmp_path: Path, explain: bool) -> None
     settings_ = [
         "lidar.enabled=false",
         "lidar.mount=[0.1, 0.2, 1e-05]",
-        "closure.search.steps=11",
+        "closure.consensus.steps=11",
         "zenoh.prefix=robot/1",
     ]
     config = load_config(settings=settings_)
@@ -108,16 +108,16 @@ def test_the_configuration_as_mappings_makes_the_same_again() -> None:
 
 
 def test_defaults_give_way_to_files_and_files_to_settings(tmp_path: Path) -> None:
-    first = file(tmp_path, "[wifi]\nsigma_m = 2.0\nwindow = 11\nneighbours = 3\n", "a.toml")
-    second = file(tmp_path, "[wifi]\nwindow = 12\nneighbours = 4\n[closure.search]\nsteps = 5\n", "b.toml")
-    config = load_config([first, second], ["wifi.neighbours=5", "closure.search.drift=0.5"])
-    assert (config.wifi.sigma_m, config.wifi.window, config.wifi.neighbours) == (2.0, 12, 5)
-    assert (config.closure.search.steps, config.closure.search.drift) == (5, 0.5)
-    assert config.wifi.min_similarity == Config().wifi.min_similarity
+    first = file(tmp_path, "[wifi]\nnear_m = 2.0\nbeside_m = 11\nmin_readings = 3\n", "a.toml")
+    second = file(tmp_path, "[wifi]\nbeside_m = 12\nmin_readings = 4\n[closure.consensus]\nsteps = 5\n", "b.toml")
+    config = load_config([first, second], ["wifi.min_readings=5", "closure.consensus.drift=0.5"])
+    assert (config.wifi.near_m, config.wifi.beside_m, config.wifi.min_readings) == (2.0, 12, 5)
+    assert (config.closure.consensus.steps, config.closure.consensus.drift) == (5, 0.5)
+    assert config.wifi.min_near == Config().wifi.min_near
 
 
 def test_the_last_setting_of_a_key_counts() -> None:
-    assert load_config(settings=["wifi.window=1", "wifi.window=2"]).wifi.window == 2
+    assert load_config(settings=["wifi.min_readings=1", "wifi.min_readings=2"]).wifi.min_readings == 2
 
 
 @pytest.mark.parametrize(
@@ -148,11 +148,11 @@ def test_a_setting_is_a_toml_value_and_a_bare_word_a_string(setting: str, path: 
     [
         ({"wify": {}}, "wify"),
         ({"wifi": {"sigma": 1.0}}, "wifi.sigma"),
-        ({"closure": {"search": {"step": 1}}}, "closure.search.step"),
+        ({"closure": {"consensus": {"step": 1}}}, "closure.consensus.step"),
         ({"wifi": 3}, "wifi"),
-        ({"closure": {"search": "wide"}}, "closure.search"),
-        ({"wifi": {"window": "many"}}, "wifi.window"),
-        ({"wifi": {"window": 1.5}}, "wifi.window"),
+        ({"closure": {"consensus": "wide"}}, "closure.consensus"),
+        ({"wifi": {"min_readings": "many"}}, "wifi.min_readings"),
+        ({"wifi": {"min_readings": 1.5}}, "wifi.min_readings"),
         ({"lidar": {"enabled": "perhaps"}}, "lidar.enabled"),
         ({"lidar": {"mount": ["x"]}}, "lidar.mount"),
         ({"zenoh": {"listen": "tcp/127.0.0.1:7447"}}, "zenoh.listen"),

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from wayfi.backend.factors import CALIBRATION, between_factor, in_b, pose_key, wheel_factor
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
+from wayfi.backend.pose2 import Floats, Pose2, meeting, wrap
 from wayfi.backend.wheel_calibration import WheelMotion
 
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
@@ -34,16 +34,8 @@ def whitened(factor: gtsam.NonlinearFactor, at: gtsam.Values) -> tuple[Floats, F
     return np.asarray(A), np.asarray(b)
 
 
-@settings(deadline=None, max_examples=50)
-@given(POSES, POSES, MOTIONS, CALIBRATIONS)
-def test_the_wheel_factors_jacobians_are_those_of_its_error(
-    a: Pose2, b: Pose2, motion: WheelMotion, calibration: Floats
-) -> None:
-    error = a.between(b).theta - motion.corrected(calibration).theta
-    if abs(abs(wrap(error)) - math.pi) < 1e-3:
-        return  # the error itself leaps there
-    factor = wheel_factor(0, 1, motion, np.eye(3))
-    at = values(a, b, calibration)
+def assert_jacobians_match(factor: gtsam.NonlinearFactor, at: gtsam.Values) -> None:
+    """The factor's Jacobian at `at` against differences."""
     A, _ = whitened(factor, at)
     h = 1e-6
     for i in range(10):
@@ -57,6 +49,46 @@ def test_the_wheel_factors_jacobians_are_those_of_its_error(
                     delta.insert(other, np.zeros(dimension))
             sides.append(-whitened(factor, at.retract(delta))[1])
         np.testing.assert_allclose(A[:, i], (sides[0] - sides[1]) / (2 * h), atol=1e-6)
+
+
+PLACES = st.tuples(st.floats(-2, 2), st.floats(-2, 2)).map(np.array)
+
+
+@settings(deadline=None, max_examples=50)
+@given(POSES, POSES, PLACES, PLACES, CALIBRATIONS)
+def test_the_near_factors_jacobians_are_those_of_its_error(
+    a: Pose2, b: Pose2, place_a: Floats, place_b: Floats, calibration: Floats
+) -> None:
+    assert_jacobians_match(near_factor(0, 1, place_a, place_b, 0.7), values(a, b, calibration))
+
+
+@settings(deadline=None, max_examples=50)
+@given(POSES, POSES, PLACES, PLACES, st.floats(-0.5, 1.0))
+def test_the_near_factor_says_nothing_of_the_scale_and_is_content_where_the_places_meet(
+    a: Pose2, b: Pose2, place_a: Floats, place_b: Floats, scale: float
+) -> None:
+    factor = near_factor(0, 1, place_a, place_b, 0.5)
+    as_driven, scaled = (
+        values(a, b, np.zeros(4)),
+        values(*(Pose2((1 + scale) * T.x, (1 + scale) * T.y, T.theta) for T in (a, b)), np.array([scale, 0, 0, 0])),
+    )
+    shrunk = near_factor(0, 1, (1 + scale) * place_a, (1 + scale) * place_b, 0.5)
+    assert math.isclose(shrunk.error(scaled), factor.error(as_driven), rel_tol=1e-6, abs_tol=1e-9)
+    together = meeting(place_a, place_b, 0.3)
+    assert factor.error(values(a, a @ together, np.zeros(4))) < 1e-12
+    apart = a.transform(place_a[None])[0] - b.transform(place_b[None])[0]
+    assert math.isclose(factor.error(as_driven), 0.5 * float(apart @ apart) / 0.5**2, rel_tol=1e-6, abs_tol=1e-9)
+
+
+@settings(deadline=None, max_examples=50)
+@given(POSES, POSES, MOTIONS, CALIBRATIONS)
+def test_the_wheel_factors_jacobians_are_those_of_its_error(
+    a: Pose2, b: Pose2, motion: WheelMotion, calibration: Floats
+) -> None:
+    error = a.between(b).theta - motion.corrected(calibration).theta
+    if abs(abs(wrap(error)) - math.pi) < 1e-3:
+        return  # the error itself leaps there
+    assert_jacobians_match(wheel_factor(0, 1, motion, np.eye(3)), values(a, b, calibration))
 
 
 @settings(deadline=None, max_examples=50)

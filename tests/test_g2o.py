@@ -6,9 +6,10 @@ import gtsam
 import numpy as np
 import pytest
 
-from wayfi.backend.factors import between_factor, pose_key
+from wayfi.backend.factors import CALIBRATION as CALIBRATION_KEY
+from wayfi.backend.factors import between_factor, near_factor, pose_key
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.backend.pose_graph import Between, Factor, Wheels
+from wayfi.backend.pose_graph import Between, Factor, Near, Wheels
 from wayfi.backend.wheel_calibration import WheelMotion
 from wayfi.recordings.g2o import write_g2o
 
@@ -49,6 +50,7 @@ def test_what_gtsam_reads_has_the_poses_and_the_error_of_the_graph(tmp_path: Pat
     np.testing.assert_allclose(between_all(poses, found), 0, atol=1e-7)
     ours = gtsam.NonlinearFactorGraph()
     for f in factors:
+        assert not isinstance(f, Near)
         T = f.T_a_b if isinstance(f, Between) else f.motion.corrected(CALIBRATION)
         ours.add(between_factor(f.a, f.b, T, f.covariance))
     elsewhere = poses + np.random.default_rng(seed + 9).normal(0, 0.3, poses.shape)
@@ -77,3 +79,24 @@ def test_a_line_reads_as_g2o_takes_it(tmp_path: Path) -> None:
 def test_a_drive_without_keyframes_is_an_empty_graph(tmp_path: Path) -> None:
     write_g2o(tmp_path / "graph.g2o", np.empty((0, 3)), [], np.zeros(4))
     assert (tmp_path / "graph.g2o").read_text().strip() == ""
+
+
+def test_two_places_that_are_one_leave_turning_open_and_weigh_distance_as_the_graph_does(tmp_path: Path) -> None:
+    poses = np.array([[1.0, 2.0, 0.4], [4.0, -1.0, 2.0]])
+    near = Near(0, 1, np.array([0.3, -0.2]), np.array([-0.4, 0.5]), 0.8)
+    path = tmp_path / "graph.g2o"
+    write_g2o(path, poses, [near], np.zeros(4))
+    line = next(line for line in path.read_text().splitlines() if line.startswith("EDGE"))
+    x, y, theta, *upper = map(float, line.split()[3:])
+    information = np.zeros((3, 3))
+    information[np.triu_indices(3)] = upper
+    information += np.triu(information, 1).T
+    assert np.linalg.matrix_rank(information, tol=1e-6) == 2
+    T = Pose2(x, y, theta)
+    np.testing.assert_allclose(T.transform(near.place_b[None])[0], near.place_a, atol=1e-8)
+    for step in ((0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.0, 0.0, 0.01)):
+        moved = Pose2(*poses[0]) @ T @ Pose2(*step)
+        at = values(np.array([poses[0], moved.array()]), key=True)
+        at.insert(CALIBRATION_KEY, np.zeros(4))
+        expected = near_factor(0, 1, near.place_a, near.place_b, near.sigma_m).error(at)
+        assert 0.5 * np.array(step) @ information @ np.array(step) == pytest.approx(expected, rel=0.02)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, wrap
-from wayfi.backend.pose_graph import BackendConfig, Between, Factor, FactorError, PoseGraph, Wheels
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all, wrap
+from wayfi.backend.pose_graph import BackendConfig, Between, Factor, FactorError, Near, PoseGraph, Wheels
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.frontends.odometry import OdometryConfig, calibration_prior
 
@@ -104,6 +104,10 @@ BAD_FACTORS: dict[str, Factor] = {
     "wheels without a path": Wheels(0, 1, WheelMotion(Pose2(), math.nan, 1.0), STEP),
     "wheels without a time": Wheels(0, 1, WheelMotion(Pose2(), 0.5, math.inf), STEP),
     "wheels to nowhere": Wheels(10, 11, MOTION, STEP),
+    "a place that is NaN": Near(0, 5, np.array([math.nan, 0.0]), np.zeros(2), 1.0),
+    "a place to no keyframe": Near(0, 11, np.zeros(2), np.zeros(2), 1.0),
+    "a place known to nothing": Near(0, 5, np.zeros(2), np.zeros(2), 0.0),
+    "a place known to infinity": Near(0, 5, np.zeros(2), np.zeros(2), math.inf),
 } | {f"covariance not {name}": Between(0, 5, Pose2(), bad) for name, bad in BAD_COVARIANCES.items()}
 
 
@@ -286,13 +290,16 @@ def test_a_closure_far_off_converges_where_no_wheels_are() -> None:
     np.testing.assert_allclose(np.hypot(*steps.T), 1.0, atol=0.02)
 
 
-def test_rebuilding_from_the_solution_keeps_it_and_what_comes_after_still_works() -> None:
+def test_restarting_at_the_solution_keeps_it_and_what_comes_after_still_works() -> None:
     recorded = loops(np.array([0.0, 0.01, 0.01, 0.0]), 2)
     graph = PoseGraph(BackendConfig(), PRIOR)
     drive(graph, recorded, {k: k - 80 for k in range(80, 160, 20)})
     graph.settle()
     before, covariance = graph.poses(), graph.covariance(160)
-    graph.rebuild(graph.calibration_values(), before)
+    graph.restart(graph.calibration_values(), before)
+    assert graph.pending
+    graph.update()
+    assert not graph.pending
     np.testing.assert_allclose(between_all(before, graph.poses()), 0, atol=0.015)
     np.testing.assert_allclose(graph.covariance(160), covariance, rtol=0.05, atol=1e-6)
     removed = next(n for n, f in graph.factors().items() if isinstance(f, Between))
@@ -301,15 +308,67 @@ def test_rebuilding_from_the_solution_keeps_it_and_what_comes_after_still_works(
     assert (summary.added, summary.removed, summary.factors) == (0, 1, 163)
 
 
-def test_rebuilding_from_far_away_finds_the_same_solution() -> None:
+def test_restarting_from_far_away_finds_the_same_solution() -> None:
     recorded = loops(np.zeros(4), 2)
     graph = PoseGraph(BackendConfig(), PRIOR)
     drive(graph, recorded, {k: k - 80 for k in range(80, 161, 10)})
     graph.settle()
     before = graph.poses()
     off = before + np.random.default_rng(1).normal(0, [0.5, 0.5, 0.1], before.shape)
-    graph.rebuild(np.array([0.0, 0.0, 0.01, 0.0]), off)
+    graph.restart(np.array([0.0, 0.0, 0.01, 0.0]), off)
+    graph.update()
     np.testing.assert_allclose(graph.poses()[:, :2], before[:, :2], atol=0.02)
+
+
+def test_keyframes_that_come_after_a_restart_was_asked_for_follow_on_from_it() -> None:
+    graph = chain(ARC)
+    turned = np.array([(Pose2(0.0, 0.0, 0.0) @ T).array() for T in (graph.pose(k) for k in range(11))])
+    step = Pose2(0.5, 0.0, 0.0)
+    graph.restart(np.zeros(4), turned)
+    graph.add_keyframe(graph.pose(10) @ step)
+    graph.add(Between(10, 11, step, STEP))
+    summary = graph.update()
+    assert (summary.added, summary.factors) == (1, 11)
+    assert graph.pose(11).distance(graph.pose(10) @ step) < 1e-6
+
+
+def test_places_that_are_one_pull_the_drive_together_and_leave_its_size() -> None:
+    """Wheels that turn by themselves by 0.02 rad/m; the rounds are tied by places half a metre off their keyframes."""
+    recorded = loops(np.array([0.0, 0.0, 0.02, 0.0]), 3)
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    drive(graph, recorded, {})
+    off = Pose2(0.4, -0.3, 0.0)
+    for k in range(80, 241, 4):
+        a, b = k - 80, k
+        in_b = recorded.truth[b].between(recorded.truth[a] @ off)
+        graph.add(Near(a, b, off.array()[:2], in_b.array()[:2], 0.1))
+    assert graph.pending
+    graph.settle()
+    assert errors_m(graph, recorded.truth).max() < 0.5
+    assert abs(graph.calibration().values[0]) < 1e-3
+    assert abs(graph.calibration().values[2] - 0.02) < 0.002
+
+
+def test_the_covariance_of_a_place_is_the_spread_of_poses_drawn_from_the_relative_pose() -> None:
+    graph = chain(ARC)
+    place = np.array([0.1, 4.0])
+    T, relative = graph.pose(2).between(graph.pose(9)), graph.relative_covariance(2, 9)
+    drawn = np.random.default_rng(0).multivariate_normal(T.array(), relative, 20_000)
+    places = compose_all(drawn, np.array([*place, 0.0]))[:, :2]
+    found = graph.place_covariance(2, 9, place)
+    np.testing.assert_allclose(found, np.cov(places, rowvar=False), atol=0.04 * np.trace(found))
+
+
+def test_a_long_drive_on_wheels_alone_stays_solvable() -> None:
+    """Half-metre steps with one loose calibration between all of them: too ill-conditioned for Cholesky."""
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    recorded = loops(np.array([0.0, 0.0, 0.025, 0.0]), 10, noise=0.2)
+    drive(graph, recorded, {})
+    assert graph.keyframes == 801
+    assert np.isfinite(graph.covariance(800)).all()
+    graph.add(Between(720, 800, recorded.truth[720].between(recorded.truth[800]), CLOSURE))
+    graph.update()
+    assert np.isfinite(graph.poses()).all()
 
 
 def test_the_same_drive_gives_the_same_estimate_to_the_bit() -> None:

@@ -107,13 +107,18 @@ def stage_shares(stages: dict[str, Any], wall_s: float) -> str:
     return ", ".join(f"{name} {100 * s / wall_s:.0f}" for name, s in longest)
 
 
-def measure(case: Case) -> Measured:
-    """Replay a case in a process of its own, and score it."""
-    recording = case.folder / "recording.mcap"
-    if case.world is not None and not recording.exists():
+def make(case: Case) -> None:
+    """Simulate the recording of a case, if it is a simulated one and has none yet."""
+    if case.world is not None and not case.folder.exists():
         unfinished = case.folder.with_suffix(".part")
         simulate(case.world, unfinished)
         unfinished.rename(case.folder)
+
+
+def measure(case: Case) -> Measured:
+    """Replay a case in a process of its own, and score it."""
+    recording = case.folder / "recording.mcap"
+    make(case)
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "wayfi.service.cli", "replay", str(recording), "--out", out, "--json"]
         done = subprocess.run([*command, *case.options], capture_output=True, text=True, check=False)

@@ -1,0 +1,111 @@
+"""Closing loops with the laser: candidates from the estimate and from WiFi, checked, judged, taken back if wrong."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose_graph import Between, PoseGraph
+from wayfi.frontends.closure import Check, ClosureConfig, check, innovation_chi2, nearest_candidate
+from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
+from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.lidar import LidarConfig
+from wayfi.frontends.verdicts import Verdicts
+from wayfi.frontends.wifi import WifiCandidate
+
+REVIEWED = 20  # accepted closures: those that a new one may contradict
+
+
+@dataclass(frozen=True, slots=True)
+class _Proposed:
+    """Two keyframes that may be near each other, and who says so."""
+
+    a: int
+    b: int
+    proposed_by: str
+    similarity: float = np.nan
+
+
+class LidarCloser:
+    """Adds factors to the graph for candidates that pass the check, and removes those that prove wrong."""
+
+    def __init__(
+        self, graph: PoseGraph, keyframes: Keyframes, verdicts: Verdicts, closure: ClosureConfig, lidar: LidarConfig
+    ) -> None:
+        self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
+        self._closure, self._lidar = closure, lidar
+        self._accepted: dict[int, int] = {}
+        self._last_check_m = -np.inf
+
+    def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
+        """Check the newest keyframe against the nearest earlier one that the estimate offers."""
+        here = self._keyframes[keyframe]
+        if here.scan is None or here.point.path_m - self._last_check_m < self._closure.check_every_m:
+            return []
+        keyframes = self._keyframes
+        a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
+        if a is None:
+            return []
+        self._last_check_m = here.point.path_m
+        return self._close(_Proposed(a, keyframe, "estimate"), stamp_ns, poses)
+
+    def sees(self, candidate: WifiCandidate) -> bool:
+        """Whether the laser saw both places of a WiFi candidate."""
+        a, b = candidate.a.keyframe, candidate.b.keyframe
+        return self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
+
+    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
+        """Check what WiFi proposes, where the laser `sees` it."""
+        a, b = candidate.a.keyframe, candidate.b.keyframe
+        return [] if a == b else self._close(_Proposed(a, b, "wifi", candidate.similarity), stamp_ns, poses)
+
+    def review(self, poses: Floats) -> list[Event]:
+        """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
+        events: list[Event] = []
+        for number in sorted(self._accepted)[-REVIEWED:]:
+            judged = self._verdicts[number]
+            T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
+            chi2 = innovation_chi2(T, np.zeros((3, 3)), judged.T_a_b, judged.covariance)
+            if chi2 > self._closure.remove_chi2:
+                self._graph.remove(self._accepted.pop(number))
+                reason = f"the estimate moved {chi2:.0f} chi2 away from it"
+                events.append(self._verdicts.change(number, Verdict.REMOVED, reason))
+        return events
+
+    def _close(self, proposed: _Proposed, stamp_ns: int, poses: Floats) -> list[Event]:
+        a, b = proposed.a, proposed.b
+        covariance = self._graph.relative_covariance(a, b)
+        guess = Pose2.of(poses[a]).between(Pose2.of(poses[b]))
+        reach = self._closure.submap_reach
+        scans, placed, _ = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
+        scan = self._keyframes[b].scan
+        assert scan is not None
+        done = check(scan, scans, placed, guess, covariance, self._closure, self._lidar)
+        if done is None:
+            return []
+        chi2 = innovation_chi2(guess, self._with_drift(covariance, a, b), done.T_a_b, done.covariance)
+        shown = CheckDone(
+            stamp_ns, a, b, scan.points, done.submap, guess, done.T_a_b, done.inlier_ratio, done.second_peak
+        )
+        return [shown, self._judge(proposed, done, done.refused or self._gate(chi2))]
+
+    def _gate(self, chi2: float) -> str:
+        limit = self._closure.gate_chi2
+        return f"contradicts the estimate: chi2 {chi2:.1f} over {limit}" if chi2 > limit else ""
+
+    def _with_drift(self, covariance: Floats, a: int, b: int) -> Floats:
+        """The estimate's (3, 3) covariance of T_a_b, and what its factors leave out: drift that adds up one way."""
+        path_m = abs(self._keyframes.paths_m[b] - self._keyframes.paths_m[a])
+        drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
+        return covariance + np.diag(drift**2)
+
+    def _judge(self, p: _Proposed, done: Check, refused: str) -> ClosureJudged:
+        verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
+        judged = self._verdicts.enter(ClosureJudged(
+            0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
+            p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,
+            refused or "agrees with the estimate",
+        ))  # fmt: skip
+        if not refused:
+            self._accepted[judged.closure] = self._graph.add(Between(p.a, p.b, done.T_a_b, done.covariance))
+        return judged
