@@ -29,8 +29,8 @@ class ConsensusConfig:
     min_gain_at_end: float = option(1.0, "", "the same at the end, when the better guess is all there can be")
     min_posterior: float = option(0.9, "", "of a pair to be true, given the estimate, before it enters the graph")
     max_apart_m: float = option(3.0, "m", "an accepted pair whose places end further apart is taken back")
-    max_apart_sigmas: float = option(2.5, "", "as above, by what it claimed; 4 % of true pairs are beyond")
-    window: int = option(200, "pairs", "the newest: bounds the cost; two hours of a robot that keeps coming back")
+    max_apart_sigmas: float = option(3.5, "", "as above, by what it claimed: 1 in 500 true pairs is beyond")
+    window: int = option(500, "pairs", "the newest: bounds the cost; some hours of a robot that keeps coming back")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,7 +23,7 @@ class OdometryConfig:
     max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
     sigma_xy_per_sqrt_m: float = option(0.02, "m per sqrt(m)", "random part of the distance: 2 cm over 1 m")
     sigma_theta_per_sqrt_m: float = option(0.003, "rad per sqrt(m)", "what real logs leave once the bias is known")
-    sigma_theta_per_sqrt_rad: float = option(0.03, "rad per sqrt(rad)", "wheels slip when they turn: 2 degrees in 1")
+    sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")
     sigma_still_m: float = option(0.003, "m", "what standing still leaves open")
     sigma_still_rad: float = option(0.002, "rad", "as above")
     prior_distance_scale: float = option(0.01, "1", "closures that say '0 m apart' shrink the map where it is loose")

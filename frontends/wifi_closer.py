@@ -86,11 +86,11 @@ class WifiCloser:
         Start again from another turn bias if it explains them far better than the estimate does; otherwise believe
         what the estimate explains, if that is far better than chance.
         """
-        window = self._claims[-self._config.window :]
-        refused = sum(claim.factor is None for claim in window)
+        refused = sum(claim.factor is None for claim in self._claims)
         if refused == 0 or (refused < _MORE_REFUSED * self._searched_with and not last):
             return []
         self._searched_with = refused
+        window = self._claims[-self._config.window :]
         pairs = self._pairs(window)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
         found = best_hypothesis(self._motions(), pairs, self._prior, self._config)
