@@ -162,7 +162,7 @@ class Wifi:
             for bssid, rssi in zip(scan.readings.bssids, scan.readings.rssi.tolist(), strict=True):
                 levels.setdefault(bssid, []).append(rssi)
         least = self._config.heard_share * len(scans)
-        mean = {bssid: float(np.mean(rssi)) for bssid, rssi in levels.items() if len(rssi) >= least}
+        mean = {bssid: sum(rssi) / len(rssi) for bssid, rssi in levels.items() if len(rssi) >= least}
         if len(mean) < self._config.min_readings:
             return None
         merged = Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32), ())
