@@ -28,6 +28,10 @@ class DropReason(StrEnum):
     NO_READINGS = "no_readings"
     MALFORMED_BSSID = "malformed_bssid"
     ABSURD_RSSI = "absurd_rssi"
+    TOO_MANY_READINGS = "too_many_readings"
+    CONSTANT_LEVELS = "constant_levels"
+    RANDOMISED_BSSIDS = "randomised_bssids"
+    CLOCK_OFF = "clock_off"
     NO_POSE = "no_pose"
     NO_TRANSFORM = "no_transform"
     TOO_LATE = "too_late"
@@ -211,10 +215,15 @@ class Dropped:
 
 @dataclass(frozen=True, slots=True)
 class Warned:
-    """Something a person should know: it goes to the report and the log."""
+    """Something a person should know: it goes to the report and the log.
+
+    A `complaint` (`receiver.fault`) lasts, and stands in the status, until a warning of the same name `ends` it.
+    """
 
     stamp_ns: int
     text: str
+    complaint: str = ""
+    ends: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,5 @@
 """The stream: process(measurement) -> [events]. A pure function of what it is fed; it reads no clock."""
 
-from collections import deque
 from collections.abc import Generator, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -14,7 +13,6 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
-from wayfi.frontends.fingerprints import Readings, usable_readings
 from wayfi.frontends.laser_odometry import LaserOdometry
 from wayfi.frontends.laser_points import returns
 from wayfi.frontends.measurements import (
@@ -29,14 +27,14 @@ from wayfi.frontends.measurements import (
 from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, keyframe_due
 from wayfi.frontends.timebase import TimeBase
 from wayfi.frontends.wifi import Fingerprint
+from wayfi.frontends.wifi_by_place import PlacedReadings
 from wayfi.service.config import Config
 from wayfi.service.scan_intake import ScanIntake
 from wayfi.service.slam import Slam, Timer
 from wayfi.service.trajectory import Trajectories
+from wayfi.service.wifi_intake import WifiIntake
 
-SECOND_NS = 1_000_000_000
-WIFI_WAIT_NS = 5 * SECOND_NS
-ODOMETRY_WAIT_NS = 2 * SECOND_NS  # of scans without odometry, after which the laser leads
+ODOMETRY_WAIT_NS = 2_000_000_000  # of scans without odometry, after which the laser leads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,16 +52,6 @@ class Result:
     fingerprint_poses: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _WaitingWifi:
-    """Usable readings, and the stamp at which they were taken rather than reported."""
-
-    stamp_ns: int
-    taken_ns: int
-    receiver: str
-    readings: Readings
-
-
 class Pipeline:
     """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason."""
 
@@ -74,7 +62,7 @@ class Pipeline:
         self._wheels = Wheels(config.odometry)
         self._slam = Slam(config, calibration or calibration_prior(config.odometry), self._timer)
         self._scans = ScanIntake(config.lidar)
-        self._wifi: deque[_WaitingWifi] = deque()
+        self._wifi = WifiIntake()
         self._trajectories = Trajectories()
         self._laser_leads: LaserOdometry | None = None
         self._last_scan_path_m = -np.inf
@@ -98,7 +86,7 @@ class Pipeline:
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: what still waits is used or dropped, and the grid is drawn."""
         events = list(self._use_last_scans(self._scans.waiting()))
-        events += [Dropped(Sensor.WIFI, w.stamp_ns, DropReason.NO_POSE) for w in self._wifi]
+        events += self._use_wifi(self._wifi.finish())
         slam = self._slam
         if len(slam.keyframes):
             events += slam.settle(slam.keyframes[len(slam.keyframes) - 1].point.stamp_ns)
@@ -121,7 +109,7 @@ class Pipeline:
         if not m.pose.is_finite():
             yield Dropped(Sensor.ODOM, m.stamp_ns, DropReason.NON_FINITE)
             return
-        stamp_ns = yield from self._stamp(Sensor.ODOM, Sensor.ODOM, m.stamp_ns)
+        stamp_ns = yield from self._stamp(Sensor.ODOM, m.stamp_ns)
         if stamp_ns is None:
             return
         if self._laser_leads:
@@ -134,6 +122,7 @@ class Pipeline:
             return
         for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
             yield Dropped(Sensor.SCAN, scan.stamp_ns, DropReason.AHEAD)
+        yield from self._wifi.compare(stamp_ns)
         yield from self._advance(stamp_ns, m.pose)
 
     def _advance(self, stamp_ns: int, T_odom_base: Pose2) -> Iterator[Event]:
@@ -146,7 +135,7 @@ class Pipeline:
             yield from self._slam.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
-        yield from self._use_wifi()
+        yield from self._use_wifi(self._wifi.ready(self._wheels))
         yield self._publish(point, T_odom_base)
 
     def _publish(self, point: PathPoint, T_odom_base: Pose2) -> PosePublished:
@@ -165,7 +154,7 @@ class Pipeline:
         if not self._config.lidar.enabled:
             yield Dropped(Sensor.SCAN, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        stamp_ns = yield from self._stamp(Sensor.SCAN, Sensor.SCAN, m.stamp_ns)
+        stamp_ns = yield from self._stamp(Sensor.SCAN, m.stamp_ns)
         if stamp_ns is None:
             return
         if len(returns(m, self._config.lidar.max_range_m)) == 0:
@@ -182,6 +171,7 @@ class Pipeline:
             self._laser_leads = LaserOdometry(self._config.lidar.max_range_m)
             self._wheels.restart()
             yield Warned(stamp_ns, "no odometry: the laser leads")
+        yield from self._wifi.compare(stamp_ns)
         for scan_ns, scan in self._scans.waiting():
             latest = self._wheels.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
@@ -221,36 +211,20 @@ class Pipeline:
         if not self._config.wifi.enabled:
             yield Dropped(Sensor.WIFI, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        stamp_ns = yield from self._stamp(Sensor.WIFI, f"{Sensor.WIFI}:{m.receiver}", m.stamp_ns)
-        if stamp_ns is None:
-            return
-        readings = usable_readings(m)
-        for reason in readings.dropped:
-            yield Dropped(Sensor.WIFI, stamp_ns, reason)
-        if not readings.bssids:
-            yield Dropped(Sensor.WIFI, stamp_ns, DropReason.NO_READINGS)
-            return
-        taken_ns = stamp_ns - int(float(np.median(readings.age_s)) * SECOND_NS)
-        self._wifi.append(_WaitingWifi(stamp_ns, taken_ns, m.receiver, readings))
-        while self._wifi[0].stamp_ns < stamp_ns - WIFI_WAIT_NS:
-            yield Dropped(Sensor.WIFI, self._wifi.popleft().stamp_ns, DropReason.NO_POSE)
-        yield from self._use_wifi()
+        yield from self._wifi.take(m, self._time.offset_ns, self._wheels.latest)
+        yield from self._use_wifi(self._wifi.ready(self._wheels))
 
-    def _use_wifi(self) -> Iterator[Event]:
-        latest = self._wheels.latest
-        while latest and self._wifi and self._wifi[0].taken_ns <= latest.stamp_ns:
-            waiting = self._wifi.popleft()
-            first = self._slam.keyframes[0].point
-            early = waiting.taken_ns < first.stamp_ns <= waiting.taken_ns + WIFI_WAIT_NS
-            point = first if early else self._wheels.at(waiting.taken_ns)
-            if point is None:
-                yield Dropped(Sensor.WIFI, waiting.stamp_ns, DropReason.TOO_LATE)
-                continue
-            yield from self._slam.add_wifi(waiting.stamp_ns, waiting.receiver, point, waiting.readings)
+    def _use_wifi(self, ready: Iterator[PlacedReadings | Event]) -> Iterator[Event]:
+        for heard in ready:
+            if isinstance(heard, PlacedReadings):
+                point = heard.point
+                yield from self._slam.add_wifi(point.stamp_ns, heard.receiver, point, heard.readings)
+            else:
+                yield heard
 
-    def _stamp(self, sensor: Sensor, stream: str, stamp_ns: int) -> Generator[Event, None, int | None]:
+    def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:
         """The stamp on the time base as the generator's return value; None if the message is dropped."""
-        stamped = self._time.accept(stream, stamp_ns)
+        stamped = self._time.accept(sensor, stamp_ns)
         if stamped.shift_ns:
             text = f"the clock was set back: stamps are shifted by {self._time.offset_ns * 1e-9:+.3f} s from here on"
             yield Warned(stamped.stamp_ns, text)

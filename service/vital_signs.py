@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wayfi.backend.health import State
-from wayfi.frontends.events import Event, PosePublished, StateChanged
+from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
 from wayfi.service.output_messages import ERROR, OK, WARN, Status
 from wayfi.service.queues import Queues
@@ -40,14 +40,15 @@ class Latencies:
 
 
 class VitalSigns:
-    """Keeps what the status tells; due once a second and whenever the state has changed."""
+    """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
 
     def __init__(self, topics: dict[Sensor, str], queues: Queues) -> None:
         self._topics = topics
         self._queues = queues
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
-        self._told: tuple[State, float] | None = None
+        self._complaints: dict[str, str] = {}
+        self._told: tuple[State, list[str], float] | None = None
         self._received: tuple[float, dict[Sensor, int]] = (time.monotonic(), {})
         self._rates: dict[Sensor, float] = {}
         self.latencies = Latencies()
@@ -61,22 +62,33 @@ class VitalSigns:
                 self.latencies.add(time.monotonic() - received_s)
             case StateChanged():
                 self._state, self._reason = event.state, event.reason
+            case Warned() if event.ends:
+                self._complaints.pop(event.complaint, None)
+            case Warned() if event.complaint:
+                self._complaints[event.complaint] = event.text
 
     def due(self) -> bool:
         """Whether the status is to be told now."""
-        return self._told is None or self._told[0] is not self._state or time.monotonic() - self._told[1] >= PERIOD_S
+        if self._told is None:
+            return True
+        state, complaints, told_s = self._told
+        changed = state is not self._state or complaints != list(self._complaints)
+        return changed or time.monotonic() - told_s >= PERIOD_S
 
     def status(self, dropped: dict[str, dict[str, int]], extra: dict[str, Any]) -> Status:
         """The status as of now; `dropped` by topic and reason."""
-        self._told = (self._state, time.monotonic())
+        self._told = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
         values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
         values |= {f"queue.{self._topics[sensor]}": depth for sensor, depth in self._queues.depths().items()}
         values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
+        values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
         values |= {f"latency.{name}": value for name, value in self.latencies.summary(RECENT_POSES).items()}
-        message = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
-        return Status(LEVEL[self._state], message, {key: str(value) for key, value in values.items()})
+        state = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
+        level = max(LEVEL[self._state], WARN) if self._complaints else LEVEL[self._state]
+        message = "; ".join([state, *self._complaints.values()])
+        return Status(level, message, {key: str(value) for key, value in values.items()})
 
     def _measured_rates(self) -> dict[Sensor, float]:
         """Messages a second since they were last measured, at least half a period ago."""
