@@ -41,6 +41,13 @@ class Keyframes:
         self._has_scan[len(self)] = keyframe.scan is not None
         self._keyframes.append(keyframe)
 
+    def before(self, stamp_ns: int) -> int:
+        """The newest keyframe that is no later than a recent moment; the first where none is."""
+        number = len(self) - 1
+        while number > 0 and self[number].point.stamp_ns > stamp_ns:
+            number -= 1
+        return number
+
     @property
     def paths_m(self) -> Floats:
         """(n,) the path driven up to each keyframe."""

@@ -34,7 +34,7 @@ class WifiConfig:
     min_readings: int = option(4, "", "fewer access points name no place")
     min_path_m: float = option(30.0, "m", "nearer along the path a closure says nothing new (the paper: 50)")
     near_m: float = option(3.0, "m", "places nearer than this count as one: closures are to be good to this")
-    min_near: float = option(0.5, "", "how likely they must be that near, by the robot's own path")
+    min_near: float = option(0.7, "", "how likely they must be that near, by the robot's own path")
     candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
     beside_m: float = option(4.0, "m", "of path each way from the later place, none more like the earlier than it is")
     independent_m: float = option(10.0, "m", "shadowing is alike over this length: so much path counts as one fix")

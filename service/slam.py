@@ -115,9 +115,9 @@ class Slam:
         return events + self._observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, receiver: str, point: PathPoint, readings: Readings) -> list[Event]:
-        """A WiFi scan taken at `point`; closes loops by the fingerprint that it completes."""
-        keyframe = len(self.keyframes) - 1
-        T = self.motion_to(point).corrected(self._calibration)
+        """A WiFi scan taken at `point`, now or seconds ago; closes loops by the fingerprint that it completes."""
+        keyframe = self.keyframes.before(point.stamp_ns)
+        T = self.keyframes[keyframe].point.motion_to(point).corrected(self._calibration)
         with self._timer("wifi"):
             fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point, readings)
             if fingerprint is None:

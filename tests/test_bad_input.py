@@ -59,6 +59,12 @@ def all_of(kind: type, how: Callable[[Arrival], Arrival], from_s: float = 0.0) -
     return faulty
 
 
+def clock_complaints(where: str) -> tuple[str, ...]:
+    """What is said of the two phones."""
+    advice = "its scans are not used (set its clock, or send them sooner)"
+    return tuple(f"WiFi receiver 'phone_{n}': its stamps are {where} the odometry's; {advice}" for n in "ab")
+
+
 def some_of(kind: Any, numbers: list[int], how: Callable[[Arrival], Arrival]) -> Faulty:  # noqa: ANN401 - a class
     return lambda drive: change(drive.arrivals, kind, numbers, how)
 
@@ -199,7 +205,11 @@ FAULTS = {
     "scans half a minute late": Fault(
         all_of(LaserScan, lambda a: a.delayed(35.0)), {"/scan": {"too_late": 300}}, bound_m=WHEELS_M
     ),
-    "WiFi half a minute late": Fault(all_of(WifiScan, lambda a: a.delayed(35.0)), {"/wifi": {"too_late": 31}}),
+    "WiFi half a minute late": Fault(
+        all_of(WifiScan, lambda a: a.delayed(35.0)),
+        {"/wifi": {"clock_off": 60}},
+        warnings=clock_complaints("34.9 s behind"),
+    ),
     "a scan come in after the next ones": Fault(
         some_of(LaserScan, [100], lambda a: a.delayed(0.35)), {"/scan": {"stamp_jumped_back": 1}}
     ),
@@ -233,7 +243,11 @@ FAULTS = {
     "the laser's clock far ahead": Fault(
         all_of(LaserScan, lambda a: a.stamped(100.0)), {"/scan": {"ahead_of_odometry": 600}}, bound_m=WHEELS_M
     ),
-    "the phones' clocks far ahead": Fault(all_of(WifiScan, lambda a: a.stamped(100.0)), {"/wifi": {"no_pose": 60}}),
+    "the phones' clocks far ahead": Fault(
+        all_of(WifiScan, lambda a: a.stamped(100.0)),
+        {"/wifi": {"clock_off": 60}},
+        warnings=clock_complaints("100.0 s ahead of"),
+    ),
     "no odometry": Fault(lambda drive: drive.without(Odometry), {}, poses=600, warnings=(NO_LASER,)),
     "no odometry, and nobody knows where the laser is": Fault(
         lambda drive: drive.without(Odometry, WifiScan, StaticTransforms),
