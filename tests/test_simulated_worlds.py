@@ -67,4 +67,11 @@ def test_the_whole_car_park(tmp_path: Path) -> None:
     assert report["peak_memory_mb"] < 1000
     assert (tmp_path / "laser" / "session.rrd").stat().st_size < 300 * MB
     replay_by_cli(made.recording, tmp_path / "wifi", *WITHOUT_LASER, "--no-rrd")
-    assert scored(made, tmp_path / "wifi")[0] < 2.2
+    final_m, online_m, evaluation = scored(made, tmp_path / "wifi")
+    assert final_m < 1.2
+    assert online_m < 6.0
+    wifi = evaluation.closures[ClosureKind.WIFI]
+    assert wifi.precision is not None
+    assert wifi.precision >= 0.95
+    assert wifi.nees is not None
+    assert 0.5 < wifi.nees < 2.0
