@@ -1,10 +1,13 @@
-"""WiFi fingerprints and how similar they are, over an inverted index BSSID -> fingerprints.
+"""WiFi fingerprints and how similar they are.
 
 Similarity after Ismail et al. (arXiv 2206.08733): sim(i, j) = H / (L_i + L_j - H) times the mean over the H common
 access points of exp(-(f_i - f_j)^2 / 2 sigma^2). The paper prints a product in the place of the mean; over 40 access
-points a product is nearly zero for any pair, and its threshold of 0.3 could never hold.
+points a product is nearly zero for any pair, and its threshold of 0.3 could never hold. That is the sum of the
+exponentials over the common access points, divided by the number that either heard; here each access point counts in
+both by its weight, which is 1 until somebody knows better.
 """
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -14,9 +17,12 @@ from numpy.typing import NDArray
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import WifiScan
+from wayfi.frontends.postings import LOWEST_DBM, Postings
 
 _BSSID = re.compile(r"^[0-9a-f]{2}(:[0-9a-f]{2}){5}$")
 _GROWTH = 2
+EXAMINED = 512  # candidates whose similarity is computed
+MOST_SIMILAR = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,125 +50,126 @@ def usable_readings(scan: WifiScan) -> Readings:
     return Readings(tuple(kept), rssi_age[:, 0], rssi_age[:, 1], tuple(dropped))
 
 
-class FingerprintIndex:
-    """Fingerprints 0, 1, ... and, for each BSSID, those that heard it.
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """(n,) numbers of the access points that a fingerprint heard, rising, and their (n,) RSSI in dBm."""
 
-    Similarity to all comes at the cost of what is shared.
-    """
+    aps: NDArray[np.int32]
+    rssi: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Similar:
+    """(m,) `numbers` of fingerprints and their (m,) similarity to one, falling; of equals the earliest comes first."""
+
+    numbers: NDArray[np.int64]
+    similarity: NDArray[np.float64]
+
+
+class FingerprintIndex:
+    """Fingerprints 0, 1, ... and what each of them heard; access points are numbered as they are first heard."""
 
     def __init__(self, sigma_db: float) -> None:
-        self._sigma_db = sigma_db
-        self._ids: dict[str, int] = {}
-        self._heads = np.full(256, -1, np.int64)
-        self._fingerprint = np.empty(4096, np.int32)
-        self._rssi = np.empty(4096, np.float32)
-        self._bssid = np.empty(4096, np.int32)
-        self._next = np.empty(4096, np.int64)
-        self._starts = np.zeros(257, np.int64)
-        self._postings = 0
+        self.sigma_db = sigma_db
         self.size = 0
+        self._numbers: dict[str, int] = {}
+        self._weights = np.ones(256)
+        self._starts = np.zeros(257, np.int64)
+        self._aps = np.empty(4096, np.int32)
+        self._rssi = np.empty(4096, np.float32)
+        self._postings = Postings(sigma_db)
+        self._posted = 0
 
     def add(self, readings: Readings) -> int:
         """Store a fingerprint; returns its number."""
-        ids, rssi = self._sorted(readings)
-        self._reserve(len(ids))
-        for bssid, level in zip(ids, rssi, strict=True):
-            p = self._postings
-            self._fingerprint[p], self._rssi[p], self._bssid[p] = self.size, level, bssid
-            self._next[p], self._heads[bssid] = self._heads[bssid], p
-            self._postings += 1
+        aps = np.array([self._numbers.setdefault(b, len(self._numbers)) for b in readings.bssids], np.int32)
+        order = np.argsort(aps)
+        start, end = self._starts[self.size], self._starts[self.size] + len(aps)
+        self._reserve(int(end))
+        self._aps[start:end], self._rssi[start:end] = aps[order], readings.rssi[order]
         self.size += 1
-        self._starts[self.size] = self._postings
+        self._starts[self.size] = end
         return self.size - 1
+
+    def heard(self, number: int) -> Heard:
+        """What fingerprint `number` heard."""
+        span = slice(self._starts[number], self._starts[number + 1])
+        return Heard(self._aps[span], self._rssi[span])
+
+    def weigh(self, aps: NDArray[np.int32], weights: NDArray[np.float64]) -> None:
+        """From here on the access points `aps` (n,) count by these (n,) `weights`, over 0."""
+        self._weights[aps] = weights
+
+    def similar(self, number: int, before: int) -> Similar:
+        """The `MOST_SIMILAR` fingerprints to fingerprint `number` of those below `before`, which is `number` at most.
+
+        The work is bounded however many are stored: only of the `EXAMINED` that share most the similarity is computed,
+        and `Postings` says what is left out of a long drive. Otherwise the result is exact down to exp(-2): where all
+        common access points differ by more than 2 sigma, two fingerprints are less similar than that.
+        """
+        while self._posted < before:
+            heard = self.heard(self._posted)
+            self._postings.add(self._posted, heard.aps, heard.rssi)
+            self._posted += 1
+        heard = self.heard(number)
+        weights = self._weights[heard.aps]
+        telling = np.argsort(-weights * (heard.rssi - LOWEST_DBM), kind="stable")
+        examined = self._postings.overlap(
+            heard.aps[telling], heard.rssi[telling], weights[telling], before, EXAMINED
+        ).numbers
+        similarity = self.similarities(np.array([number]), examined)[0]
+        best = np.argsort(-similarity, kind="stable")[:MOST_SIMILAR]
+        return Similar(examined[best], similarity[best])
 
     def similarity(self, number: int) -> NDArray[np.float64]:
         """(number,) similarity of fingerprint `number` to each earlier one."""
-        lo, hi = self._starts[number], self._starts[number + 1]
-        return _similarity_to_all(
-            self._bssid[lo:hi], self._rssi[lo:hi], self._heads, self._next, self._fingerprint, self._rssi,
-            self._starts, number, self._sigma_db,
-        )  # fmt: skip
+        similarity: NDArray[np.float64] = self.similarities(np.array([number]), np.arange(number))[0]
+        return similarity
 
     def similarities(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
         """(rows, columns) similarity of each fingerprint of `rows` to each of `columns`."""
-        return _similarity_matrix(rows, columns, self._bssid, self._rssi, self._starts, self._sigma_db)
-
-    def _sorted(self, readings: Readings) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        ids = np.array([self._ids.setdefault(b, len(self._ids)) for b in readings.bssids], np.int64)
-        order = np.argsort(ids, kind="stable")
-        return ids[order], readings.rssi[order]
+        out = np.zeros((len(rows), len(columns)))
+        _similarities(out, rows, columns, self._aps, self._rssi, self._starts, self._weights, self.sigma_db)
+        return out
 
     def _reserve(self, readings: int) -> None:
-        if self._postings + readings > len(self._rssi):
-            size = _GROWTH * len(self._rssi) + readings
-            for name in ("_fingerprint", "_rssi", "_bssid", "_next"):
-                setattr(self, name, np.resize(getattr(self, name), size))
+        if readings > len(self._rssi):
+            self._aps = np.resize(self._aps, _GROWTH * readings)
+            self._rssi = np.resize(self._rssi, _GROWTH * readings)
         if self.size + 2 > len(self._starts):
             self._starts = np.resize(self._starts, _GROWTH * len(self._starts))
-        if len(self._ids) > len(self._heads):
-            grown = np.full(_GROWTH * len(self._ids), -1, np.int64)
-            grown[: len(self._heads)] = self._heads
-            self._heads = grown
+        if len(self._numbers) > len(self._weights):
+            new = np.ones(_GROWTH * len(self._numbers) - len(self._weights))
+            self._weights = np.concatenate([self._weights, new])
 
 
 @njit(cache=True)
-def _similarity_to_all(
-    bssids: NDArray[np.int32],
-    levels: NDArray[np.float32],
-    heads: NDArray[np.int64],
-    following: NDArray[np.int64],
-    fingerprint: NDArray[np.int32],
-    rssi: NDArray[np.float32],
-    starts: NDArray[np.int64],
-    number: int,
-    sigma_db: float,
-) -> NDArray[np.float64]:
-    total, common = np.zeros(number), np.zeros(number)
-    scale = -0.5 / (sigma_db * sigma_db)
-    for i in range(bssids.shape[0]):
-        p = heads[bssids[i]]
-        while p >= 0:
-            other = fingerprint[p]
-            if other < number:
-                difference = levels[i] - rssi[p]
-                total[other] += np.exp(scale * difference * difference)
-                common[other] += 1
-            p = following[p]
-    for other in range(number):
-        if common[other] > 0:
-            length = starts[other + 1] - starts[other]
-            total[other] /= bssids.shape[0] + length - common[other]
-    return total
-
-
-@njit(cache=True)
-def _similarity_matrix(
+def _similarities(
+    out: NDArray[np.float64],
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
-    bssid: NDArray[np.int32],
+    aps: NDArray[np.int32],
     rssi: NDArray[np.float32],
     starts: NDArray[np.int64],
+    weights: NDArray[np.float64],
     sigma_db: float,
-) -> NDArray[np.float64]:
-    out = np.zeros((rows.shape[0], columns.shape[0]))
+) -> None:
+    """Fills `out` (rows, columns)."""
     scale = -0.5 / (sigma_db * sigma_db)
+    heard = np.full(weights.shape[0], np.nan, np.float32)
     for r in range(rows.shape[0]):
-        a0, a1 = starts[rows[r]], starts[rows[r] + 1]
+        own = 0.0
+        for i in range(starts[rows[r]], starts[rows[r] + 1]):
+            heard[aps[i]] = rssi[i]
+            own += weights[aps[i]]
         for c in range(columns.shape[0]):
-            a, b = a0, starts[columns[c]]
-            b0, b1 = b, starts[columns[c] + 1]
-            total, common = 0.0, 0
-            while a < a1 and b < b1:
-                if bssid[a] == bssid[b]:
-                    difference = rssi[a] - rssi[b]
-                    total += np.exp(scale * difference * difference)
-                    common += 1
-                    a += 1
-                    b += 1
-                elif bssid[a] < bssid[b]:
-                    a += 1
+            alike, either = 0.0, own
+            for i in range(starts[columns[c]], starts[columns[c] + 1]):
+                difference = heard[aps[i]] - rssi[i]
+                if np.isnan(difference):
+                    either += weights[aps[i]]
                 else:
-                    b += 1
-            if common > 0:
-                out[r, c] = total / (a1 - a0 + b1 - b0 - common)
-    return out
+                    alike += weights[aps[i]] * math.exp(scale * difference * difference)
+            out[r, c] = alike / either if either > 0.0 else 0.0
+        for i in range(starts[rows[r]], starts[rows[r] + 1]):
+            heard[aps[i]] = np.nan

@@ -8,15 +8,17 @@ driven the other way.
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.access_points import AccessPoints
+from wayfi.frontends.fingerprints import FingerprintIndex, Readings, Similar
 from wayfi.frontends.odometry import PathPoint
+from wayfi.frontends.receivers import ReceiverOffset, Receivers
 from wayfi.frontends.self_similarity import REACH_M, SelfSimilarity
 
 _SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
@@ -34,7 +36,7 @@ class WifiConfig:
     min_readings: int = option(4, "", "fewer access points name no place")
     min_path_m: float = option(30.0, "m", "nearer along the path a closure says nothing new (the paper: 50)")
     near_m: float = option(3.0, "m", "places nearer than this count as one: closures are to be good to this")
-    min_near: float = option(0.7, "", "how likely they must be that near, by the robot's own path")
+    min_near: float = option(0.6, "", "how likely they must be that near, by the robot's own path")
     candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
     beside_m: float = option(4.0, "m", "of path each way from the later place, none more like the earlier than it is")
     independent_m: float = option(10.0, "m", "shadowing is alike over this length: so much path counts as one fix")
@@ -91,14 +93,17 @@ class _PlacedScan:
 class Wifi:
     """Fingerprints as they come, and the loop candidates that they propose."""
 
-    def __init__(self, config: WifiConfig) -> None:
+    def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset]) -> None:
         self._config = config
         self._index = FingerprintIndex(config.similarity_sigma_db)
+        self._access_points = AccessPoints(self._index)
+        self.receivers = Receivers(receivers)
         self._open: dict[str, list[_PlacedScan]] = {}
         self._self_similarity = SelfSimilarity(config.near_m)
         self._held: deque[WifiCandidate] = deque()
         self._last_candidate_m = -math.inf
         self._path_m = np.empty(64)
+        self._far = 0
         self.fingerprints: list[Fingerprint] = []
 
     def add_scan(
@@ -113,29 +118,27 @@ class Wifi:
         del self._open[receiver]
         return self._complete(receiver, scans)
 
-    def similarity(self, fingerprint: Fingerprint) -> NDArray[np.float64]:
-        """(number,) similarity of a fingerprint to each earlier one; also what its own path teaches."""
-        similarity = self._index.similarity(fingerprint.number)
+    def similar(self, fingerprint: Fingerprint) -> Similar:
+        """The most similar of the fingerprints that may close a loop; learns also what its own path teaches."""
         own = [f for f in self._beside(fingerprint.number, REACH_M) if f.receiver == fingerprint.receiver]
         here = fingerprint.point.T_path_base
         self._self_similarity.add(
-            similarity[[f.number for f in own]], np.array([here.distance(f.point.T_path_base) for f in own])
+            self._similarities(fingerprint, own), np.array([here.distance(f.point.T_path_base) for f in own])
         )
-        return similarity
+        while self._path_m[self._far] <= fingerprint.path_m - self._config.min_path_m:
+            self._far += 1
+        return self._index.similar(fingerprint.number, self._far)
 
-    def candidate(self, b: Fingerprint, similarity: NDArray[np.float64]) -> WifiCandidate | None:
+    def candidate(self, b: Fingerprint, similar: Similar) -> WifiCandidate | None:
         """The best earlier place for `b`, if it sounds near enough."""
-        if b.path_m - self._last_candidate_m < self._config.candidate_every_m:
+        if b.path_m - self._last_candidate_m < self._config.candidate_every_m or len(similar.numbers) == 0:
             return None
-        far = np.flatnonzero(b.path_m - self._path_m[: b.number] >= self._config.min_path_m)
-        if len(far) == 0:
-            return None
-        a = self.fingerprints[int(far[np.argmax(similarity[far])])]
-        distance = self._self_similarity.distance(float(similarity[a.number]))
+        a, similarity = self.fingerprints[int(similar.numbers[0])], float(similar.similarity[0])
+        distance = self._self_similarity.distance(similarity)
         if distance.near < self._config.min_near:
             return None
         self._last_candidate_m = b.path_m
-        return WifiCandidate(a, b, float(similarity[a.number]), _SIGMAS_OF_RMS * distance.rms_m)
+        return WifiCandidate(a, b, similarity, _SIGMAS_OF_RMS * distance.rms_m)
 
     def hold(self, candidate: WifiCandidate) -> None:
         """Keep a candidate until the path beside its later place has been driven as well."""
@@ -149,6 +152,10 @@ class Wifi:
             candidate = self._held.popleft()
             released.append(replace(candidate, mutual=self._is_mutual(candidate)))
         return released
+
+    def confirm(self, candidate: WifiCandidate) -> None:
+        """The two fingerprints are believed to be of one place: learn which access points say so."""
+        self._access_points.confirm(candidate.a.number, candidate.b.number)
 
     def places(self, poses: Floats) -> Floats:
         """(m, 3) poses of all fingerprints in `map`, given the keyframes' (n, 3)."""
@@ -165,13 +172,16 @@ class Wifi:
         mean = {bssid: sum(rssi) / len(rssi) for bssid, rssi in levels.items() if len(rssi) >= least}
         if len(mean) < self._config.min_readings:
             return None
-        merged = Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32), ())
+        heard = Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32), ())
         middle = scans[len(scans) // 2]
+        self.receivers.learn(receiver, middle.point.path_m, heard)
+        number = self._index.add(self.receivers.corrected(receiver, heard))
         fingerprint = Fingerprint(
-            self._index.add(merged), middle.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, middle.point,
-            merged,
+            number, middle.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, middle.point,
+            heard,
         )  # fmt: skip
         self._append(fingerprint)
+        self._access_points.learn(fingerprint.path_m)
         return fingerprint
 
     def _append(self, fingerprint: Fingerprint) -> None:
@@ -193,6 +203,12 @@ class Wifi:
 
     def _is_mutual(self, candidate: WifiCandidate) -> bool:
         """Whether a sounds no more like any place beside b than like b."""
-        beside = [f.number for f in self._beside(candidate.b.number, self._config.beside_m)]
-        similarity = self._index.similarities(np.array([candidate.a.number]), np.array(beside, np.int64))[0]
-        return bool((similarity <= candidate.similarity).all())
+        beside = self._beside(candidate.b.number, self._config.beside_m)
+        *like_beside, like_b = self._similarities(candidate.a, [*beside, candidate.b])
+        return bool((np.array(like_beside) <= like_b).all())
+
+    def _similarities(self, fingerprint: Fingerprint, others: list[Fingerprint]) -> Floats:
+        """(n,) how similar it is to each of the others, as access points are weighed now."""
+        columns = np.array([f.number for f in others], np.int64)
+        similarities: Floats = self._index.similarities(np.array([fingerprint.number]), columns)[0]
+        return similarities

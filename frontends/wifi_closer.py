@@ -7,6 +7,7 @@ pairs come nor a run of false ones decides.
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,9 +60,11 @@ class WifiCloser:
         prior: WheelCalibration,
         config: ConsensusConfig,
         wifi: WifiConfig,
+        confirm: Callable[[WifiCandidate], None],
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._prior, self._config, self._wifi = prior, config, wifi
+        self._confirm = confirm
         self._claims: list[_Claim] = []
         self._sequence: deque[_Claim] = deque(maxlen=_SHOWN)
         self._searched_with = 0
@@ -177,6 +180,7 @@ class WifiCloser:
         independent = claim.gap_m / self._wifi.independent_m
         sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
         claim.factor = self._graph.add(Near(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
+        self._confirm(claim.candidate)
         return self._verdicts.change(claim.number, Verdict.ACCEPTED, reason)
 
     def _take_back(self, claim: _Claim, reason: str) -> ClosureJudged:

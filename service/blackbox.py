@@ -5,7 +5,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.calibration_file import calibration_toml
 from wayfi.recordings.mcap_log import BLACKBOX_PROFILE, McapWriter
@@ -25,7 +25,7 @@ class BlackBox:
     """
 
     def __init__(
-        self, folder: Path, config: Config, topics: dict[Sensor, str], calibration: WheelCalibration | None
+        self, folder: Path, config: Config, topics: dict[Sensor, str], calibration: Calibration | None
     ) -> None:
         self._topics = topics
         self._wall_ahead_s = time.time() - time.monotonic()
@@ -35,7 +35,7 @@ class BlackBox:
         self._writer = McapWriter(self.path, BLACKBOX_PROFILE)
         self._writer.attach(CONFIG, config_toml(config).encode(), "application/toml")
         if calibration is not None:
-            self._writer.attach(CALIBRATION, calibration_toml(calibration, {}).encode(), "application/toml")
+            self._writer.attach(CALIBRATION, calibration_toml(calibration).encode(), "application/toml")
         self._writer.flush()
 
     def __enter__(self) -> Self:

@@ -14,7 +14,7 @@ from wayfi.backend.errors import WayfiError
 from wayfi.service.console import Output
 
 if TYPE_CHECKING:
-    from wayfi.backend.wheel_calibration import WheelCalibration
+    from wayfi.frontends.calibration import Calibration
     from wayfi.service.config import Config
 
 app = typer.Typer(
@@ -54,7 +54,7 @@ def _configured(files: list[Path] | None, settings: list[str] | None) -> "Config
     return load_config(files or (), settings or ())
 
 
-def _calibration(path: Path | None) -> "WheelCalibration | None":
+def _calibration(path: Path | None) -> "Calibration | None":
     from wayfi.recordings.calibration_file import read_calibration
 
     return read_calibration(path) if path else None

@@ -10,7 +10,7 @@ from pathlib import Path
 import zenoh
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event, GridRedrawn, StateChanged, Warned
 from wayfi.recordings.files import write_text
 from wayfi.recordings.log import Log
@@ -37,7 +37,7 @@ class DaemonError(WayfiError):
     """A daemon that cannot start."""
 
 
-def run_daemon(config: Config, calibration: WheelCalibration | None, quiet: bool = False) -> int:
+def run_daemon(config: Config, calibration: Calibration | None, quiet: bool = False) -> int:
     """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs only what warns.
 
     Raises ZenohError where its endpoints cannot be had, DaemonError where its folder cannot.
@@ -55,9 +55,7 @@ def run_daemon(config: Config, calibration: WheelCalibration | None, quiet: bool
 class Daemon:
     """One run, in a folder of its own."""
 
-    def __init__(
-        self, config: Config, calibration: WheelCalibration | None, session: zenoh.Session, log: LogLines
-    ) -> None:
+    def __init__(self, config: Config, calibration: Calibration | None, session: zenoh.Session, log: LogLines) -> None:
         self._config = config
         self._log = log
         self._session = session

@@ -1,6 +1,6 @@
 """One drive from its bytes to its files: decoding, the pipeline, the log and the counts, the same for every source."""
 
-from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import DropReason, Event, GraphUpdated
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.codec import decode
@@ -21,7 +21,7 @@ def topics_of(config: RecordingConfig) -> dict[Sensor, str]:
 class Drive:
     """Feed it messages in their order; it never raises for what a message holds."""
 
-    def __init__(self, config: Config, calibration: WheelCalibration | None, log: Log) -> None:
+    def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
         self.config = config
         self.topics = topics_of(config.recording)
         self.tally = Tally(self.topics)

@@ -11,7 +11,7 @@ from wayfi.backend.grid_map import OccupancyGrid, build_grid
 from wayfi.backend.health import State
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
-from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.laser_odometry import LaserOdometry
 from wayfi.frontends.laser_points import returns
@@ -46,7 +46,7 @@ class Result:
     online: Floats
     keyframe_poses: Floats
     factors: dict[int, Factor]
-    calibration: WheelCalibration
+    calibration: Calibration
     grid: OccupancyGrid
     fingerprints: list[Fingerprint]
     fingerprint_poses: Floats
@@ -55,12 +55,12 @@ class Result:
 class Pipeline:
     """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason."""
 
-    def __init__(self, config: Config, calibration: WheelCalibration | None = None, timer: Timer | None = None) -> None:
+    def __init__(self, config: Config, calibration: Calibration | None = None, timer: Timer | None = None) -> None:
         self._config = config
         self._timer: Timer = timer or (lambda _: nullcontext())
         self._time = TimeBase()
         self._wheels = Wheels(config.odometry)
-        self._slam = Slam(config, calibration or calibration_prior(config.odometry), self._timer)
+        self._slam = Slam(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
         self._wifi = WifiIntake()
         self._trajectories = Trajectories()
@@ -97,8 +97,8 @@ class Pipeline:
             GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, (grid.origin_xy_m[0], grid.origin_xy_m[1]))
         )
         points = [slam.keyframes[k].point for k in range(len(slam.keyframes))]
-        calibration = slam.graph.calibration()
-        final = self._trajectories.final(points, slam.poses, calibration.values) if points else np.zeros((0, 3))
+        calibration = Calibration(slam.graph.calibration(), slam.wifi.receivers.offsets)
+        final = self._trajectories.final(points, slam.poses, calibration.wheels.values) if points else np.zeros((0, 3))
         result = Result(
             self._trajectories.stamps_ns(), final, self._trajectories.online(), slam.poses.copy(),
             slam.graph.factors(), calibration, grid, slam.wifi.fingerprints, slam.fingerprint_poses(),

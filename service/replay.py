@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.calibration_file import parse_calibration, read_calibration
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.log_process import LogProcess
@@ -39,7 +39,7 @@ class ReplayOptions:
 
 def settings_for(
     recording_path: Path, files: Sequence[Path], settings: Sequence[str], calibration_path: Path | None
-) -> tuple[Config, WheelCalibration | None]:
+) -> tuple[Config, Calibration | None]:
     """The configuration and calibration to replay a recording with: a black box's own, unless told otherwise.
 
     Raises RecordingError, ConfigError or CalibrationError.
@@ -58,7 +58,7 @@ def settings_for(
 def replay(
     recording_path: Path,
     config: Config,
-    calibration: WheelCalibration | None,
+    calibration: Calibration | None,
     options: ReplayOptions,
     progress: Progress = lambda _: None,
 ) -> dict[str, Any]:

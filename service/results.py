@@ -42,7 +42,7 @@ def write_results(directory: Path, drive: Drive, result: Result, source: Source)
         write_closures(directory / "closures.csv", drive.tally.verdicts.values())
         write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
         write_text(directory / "config.toml", config_toml(drive.config))
-        write_calibration(directory / "calibration.toml", result.calibration, _receivers(result.fingerprints))
+        write_calibration(directory / "calibration.toml", result.calibration)
         write_map(directory, result.grid, drive.config.map, result.final[:, :2])
     report = _report(drive, source)
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
@@ -53,10 +53,10 @@ def _write_estimate(directory: Path, result: Result) -> None:
     write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
     write_tum(directory / "online.tum", result.stamps_ns, result.online)
     factors = result.factors.values()
-    write_g2o(directory / "graph.g2o", result.keyframe_poses, factors, result.calibration.values)
+    write_g2o(directory / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
     saved = directory / "map"
     saved.mkdir(exist_ok=True)
-    write_g2o(saved / "graph.g2o", result.keyframe_poses, factors, result.calibration.values)
+    write_g2o(saved / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
     description = {"format": "wayfi-map", "version": MAP_VERSION, "keyframes": len(result.keyframe_poses)}
     write_text(saved / "map.json", json.dumps(description, indent=1) + "\n")
 
@@ -64,10 +64,6 @@ def _write_estimate(directory: Path, result: Result) -> None:
 def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:
     for f, pose in zip(fingerprints, poses, strict=True):
         yield RadioPlace(f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi)
-
-
-def _receivers(fingerprints: list[Fingerprint]) -> dict[str, float]:
-    return {f.receiver: 0.0 for f in fingerprints}
 
 
 def _peak_memory_mb() -> float:

@@ -12,7 +12,8 @@ from wayfi.backend.health import Health, judge_health
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all
 from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
 from wayfi.backend.pose_graph import Wheels as WheelFactor
-from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
+from wayfi.backend.wheel_calibration import WheelMotion
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import (
     CalibrationUpdated,
     Event,
@@ -22,7 +23,7 @@ from wayfi.frontends.events import (
     StateChanged,
     SubmapMatched,
 )
-from wayfi.frontends.fingerprints import Readings
+from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar_closer import LidarCloser
 from wayfi.frontends.odometry import PathPoint, wheel_covariance
@@ -34,7 +35,6 @@ from wayfi.service.config import Config
 from wayfi.service.scan_intake import PlacedScan
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
-SHOWN_SIMILARITIES = 50
 SETTLING_REVIEWS = 3
 RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes
 
@@ -50,21 +50,21 @@ class Timer(Protocol):
 class Slam:
     """The state of the estimation. Poses of keyframes are `poses` (n, 3) in `map`, as last updated."""
 
-    def __init__(self, config: Config, prior: WheelCalibration, timer: Timer) -> None:
+    def __init__(self, config: Config, prior: Calibration, timer: Timer) -> None:
         self._config = config
         self._timer = timer
-        self.graph = PoseGraph(config.backend, prior)
+        self.graph = PoseGraph(config.backend, prior.wheels)
         self.keyframes = Keyframes()
-        self.wifi = Wifi(config.wifi)
+        self.wifi = Wifi(config.wifi, prior.receivers)
         self.grid_scans: list[GridScan] = []
         self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
         verdicts = Verdicts()
         self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar)
         self._wifi_closer = WifiCloser(
-            self.graph, self.keyframes, verdicts, prior, config.closure.consensus, config.wifi
+            self.graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi, self.wifi.confirm
         )
         self._poses: Floats = np.zeros((64, 3))
-        self._calibration: Floats = prior.values
+        self._calibration: Floats = prior.wheels.values
         self._covariance: Floats = np.diag([1e-8, 1e-8, 1e-8])
         self.health: Health | None = None
 
@@ -122,9 +122,9 @@ class Slam:
             fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point, readings)
             if fingerprint is None:
                 return []
-            similarity = self.wifi.similarity(fingerprint)
-            candidate = self.wifi.candidate(fingerprint, similarity)
-        events: list[Event] = [_fingerprint_event(fingerprint, similarity)]
+            similar = self.wifi.similar(fingerprint)
+            candidate = self.wifi.candidate(fingerprint, similar)
+        events: list[Event] = [_fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
             if candidate is not None and self._lidar_closer.sees(candidate):
                 events += self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
@@ -229,9 +229,8 @@ class Slam:
         return events
 
 
-def _fingerprint_event(f: Fingerprint, similarity: NDArray[np.float64]) -> FingerprintAdded:
-    shown = np.sort(np.argsort(-similarity, kind="stable")[:SHOWN_SIMILARITIES])
+def _fingerprint_event(f: Fingerprint, similar: Similar) -> FingerprintAdded:
     return FingerprintAdded(
-        f.number, f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.readings.bssids, f.readings.rssi, shown,
-        similarity[shown],
+        f.number, f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.readings.bssids, f.readings.rssi,
+        similar.numbers, similar.similarity,
     )  # fmt: skip

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.backend.wheel_calibration import NAMES, WheelCalibration
+from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.receivers import ReceiverOffset
 from wayfi.recordings.calibration_file import (
-    RECEIVER_SIGMA_DB,
     CalibrationError,
     calibration_toml,
     parse_calibration,
@@ -20,34 +21,46 @@ from wayfi.recordings.calibration_file import (
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=4, max_size=4)
 SIGMAS = st.lists(st.floats(1e-12, 1e3), min_size=4, max_size=4)
-GOOD = calibration_toml(WheelCalibration(np.array([0.01, -0.02, 0.026, 0.0]), np.array([0.1, 0.2, 0.3, 0.4])), {})
+GOOD = calibration_toml(
+    Calibration(
+        WheelCalibration(np.array([0.01, -0.02, 0.026, 0.0]), np.array([0.1, 0.2, 0.3, 0.4])),
+        {"phone": ReceiverOffset(-1.5, 0.5)},
+    )
+)
+
+
+RECEIVERS = st.dictionaries(
+    st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])),
+    st.builds(ReceiverOffset, st.floats(-20, 20), st.floats(0, 10)),
+)
 
 
 @settings(deadline=None)
-@given(VALUES, SIGMAS)
-def test_a_calibration_comes_back_to_the_bit(values: list[float], sigmas: list[float]) -> None:
+@given(VALUES, SIGMAS, RECEIVERS)
+def test_a_calibration_comes_back_to_the_bit(
+    values: list[float], sigmas: list[float], receivers: dict[str, ReceiverOffset]
+) -> None:
     wheels = WheelCalibration(np.array(values), np.array(sigmas))
-    found = parse_calibration(calibration_toml(wheels, {}), "here")
-    np.testing.assert_array_equal(found.values, wheels.values)
-    np.testing.assert_array_equal(found.sigmas, wheels.sigmas)
-
-
-@settings(deadline=None)
-@given(st.dictionaries(st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])), st.floats(-20, 20)))
-def test_receivers_are_named_whatever_their_names(receivers: dict[str, float]) -> None:
-    text = calibration_toml(parse_calibration(GOOD, "here"), receivers)
-    written = tomllib.loads(text)["receivers"]
-    assert {name: entry["offset_db"] for name, entry in written.items()} == receivers
-    assert {entry["sigma_db"] for entry in written.values()} <= {RECEIVER_SIGMA_DB}
+    found = parse_calibration(calibration_toml(Calibration(wheels, receivers)), "here")
+    np.testing.assert_array_equal(found.wheels.values, wheels.values)
+    np.testing.assert_array_equal(found.wheels.sigmas, wheels.sigmas)
+    assert list(found.receivers.items()) == list(receivers.items()), "in their order: the first is the reference"
 
 
 def test_the_file_holds_each_name_with_value_and_sigma(tmp_path: Path) -> None:
     path = tmp_path / "calibration.toml"
-    write_calibration(path, parse_calibration(GOOD, "here"), {"phone": -1.5})
+    path.write_text(GOOD)
     content = tomllib.loads(path.read_text())
     assert tuple(content["wheels"]) == NAMES
     assert content["wheels"]["turn_bias_rad_per_m"] == {"value": 0.026, "sigma": 0.3}
-    np.testing.assert_array_equal(read_calibration(path).values, [0.01, -0.02, 0.026, 0.0])
+    assert content["receivers"] == {"phone": {"offset_db": -1.5, "sigma_db": 0.5}}
+    again = tmp_path / "again.toml"
+    write_calibration(again, read_calibration(path))
+    assert again.read_text() == GOOD
+
+
+def test_a_file_without_receivers_is_a_calibration_of_the_wheels() -> None:
+    assert parse_calibration(GOOD[: GOOD.index("# How many dB")], "here").receivers == {}
 
 
 @pytest.mark.parametrize(
@@ -63,6 +76,10 @@ def test_the_file_holds_each_name_with_value_and_sigma(tmp_path: Path) -> None:
         GOOD.replace("sigma = 0.2", "sigma = 0.0"),
         GOOD.replace("sigma = 0.2", "sigma = -1.0"),
         GOOD.replace("sigma = 0.2", "spread = 0.2"),
+        GOOD.replace("-1.5", "inf"),
+        GOOD.replace("sigma_db = 0.5", "sigma_db = -0.5"),
+        GOOD.replace("sigma_db", "spread"),
+        "receivers = 3\n" + GOOD[: GOOD.index("# How many dB")],
     ],
 )
 def test_what_is_no_calibration_is_refused_in_one_line_that_names_the_file(tmp_path: Path, text: str) -> None:

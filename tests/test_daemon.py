@@ -22,8 +22,10 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from wayfi.backend.grid_map import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import GridRedrawn
 from wayfi.frontends.measurements import Odometry, Sensor, StaticTransforms
+from wayfi.frontends.receivers import ReceiverOffset
 from wayfi.recordings.calibration_file import write_calibration
 from wayfi.recordings.codec import decode, encode
 from wayfi.recordings.mcap_log import McapWriter, open_recording
@@ -433,17 +435,21 @@ def test_a_prefix_that_makes_no_key_is_one_line() -> None:
 
 def test_a_replay_takes_the_black_boxs_settings_unless_told_otherwise(tmp_path: Path) -> None:
     config = load_config((), ["lidar.enabled=false", "recording.odom=/wheels"])
-    calibration = WheelCalibration(np.array([0.1, 0.2, 0.3, 1 / 3]), np.array([1.0, 2.0, 3.0, 1e-7]))
+    calibration = Calibration(
+        WheelCalibration(np.array([0.1, 0.2, 0.3, 1 / 3]), np.array([1.0, 2.0, 3.0, 1e-7])),
+        {"tablet": ReceiverOffset(0.0, 0.0), "phone": ReceiverOffset(-2.5, 1 / 3)},
+    )
     with BlackBox(tmp_path, config, topics_of(config.recording), calibration) as blackbox:
         blackbox.write(Received(Sensor.ODOM, Encoding.CDR, odometry(0), time.monotonic()))
     again, kept = settings_for(tmp_path, (), (), None)
     assert again == config
     assert kept is not None
-    assert np.array_equal(kept.values, calibration.values)
-    assert np.array_equal(kept.sigmas, calibration.sigmas)
-    write_calibration(tmp_path / "mine.toml", WheelCalibration(np.zeros(4), np.ones(4)), {})
+    assert np.array_equal(kept.wheels.values, calibration.wheels.values)
+    assert np.array_equal(kept.wheels.sigmas, calibration.wheels.sigmas)
+    assert list(kept.receivers.items()) == list(calibration.receivers.items())
+    write_calibration(tmp_path / "mine.toml", Calibration(WheelCalibration(np.zeros(4), np.ones(4)), {}))
     told, mine = settings_for(tmp_path, (), ["lidar.enabled=true"], tmp_path / "mine.toml")
     assert told.lidar.enabled
     assert told.recording.odom == "/wheels"
     assert mine is not None
-    assert not mine.values.any()
+    assert not mine.wheels.values.any()

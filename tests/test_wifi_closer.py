@@ -21,7 +21,8 @@ SIGMA_M = 0.8
 
 
 def closer(run: Circles, config: ConsensusConfig | None = None) -> WifiCloser:
-    return WifiCloser(run.graph, run.keyframes, run.verdicts, PRIOR, config or ConsensusConfig(), WifiConfig())
+    wifi = WifiConfig()
+    return WifiCloser(run.graph, run.keyframes, run.verdicts, PRIOR, config or ConsensusConfig(), wifi, lambda _: None)
 
 
 def verdicts(run: Circles) -> list[ClosureJudged]:

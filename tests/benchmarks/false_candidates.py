@@ -10,9 +10,11 @@ RESULTS.md.
 
 import argparse
 import statistics
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +23,14 @@ from run import RESULTS, Case, chosen, commit, make, row, say
 from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import LaserScan, Measurement
-from wayfi.frontends.wifi import Wifi, WifiCandidate
+from wayfi.frontends.receivers import ReceiverOffset
+from wayfi.frontends.wifi import Wifi, WifiCandidate, WifiConfig
 from wayfi.recordings.codec import decode
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.messages import DEFAULT_TOPICS
 from wayfi.recordings.topics import Encoding
 from wayfi.recordings.tum import read_tum
+from wayfi.service import slam
 from wayfi.service.config import load_config
 from wayfi.service.pipeline import Pipeline
 
@@ -49,11 +53,11 @@ class Trial:
 class DeceivedWifi(Wifi):
     """WiFi that proposes false candidates among the true ones."""
 
-    def deceive(self, trial: Trial, truth: Trajectory) -> None:
-        """Begin to."""
+    def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset], trial: Trial) -> None:
+        super().__init__(config, receivers)
         self._rng = np.random.default_rng(trial.seed)
         self._false_for_true = trial.share / (1 - trial.share)
-        self._truth = truth
+        self._truth = read_tum(trial.case.folder / "truth.tum")
         self._owed = 0.0
 
     def released(self, at_end: bool = False) -> list[WifiCandidate]:
@@ -83,15 +87,12 @@ def measurements(folder: Path) -> list[Measurement]:
 
 def final_ate_m(trial: Trial) -> float:
     """Run the pipeline over a deceived drive."""
-    truth = read_tum(trial.case.folder / "truth.tum")
-    config = load_config((), ("lidar.enabled=false",))
-    pipeline = Pipeline(config)
-    wifi = DeceivedWifi(config.wifi)
-    wifi.deceive(trial, truth)
-    pipeline._slam.wifi = wifi
+    slam.Wifi = partial(DeceivedWifi, trial=trial)
+    pipeline = Pipeline(load_config((), ("lidar.enabled=false",)))
     for measurement in measurements(trial.case.folder):
         pipeline.process(measurement)
     result, _ = pipeline.finish()
+    truth = read_tum(trial.case.folder / "truth.tum")
     return absolute_error(Trajectory(result.stamps_ns, result.final), truth).error.ate_rmse_m
 
 
