@@ -28,8 +28,8 @@ class AccessPoints:
     def __init__(self, index: FingerprintIndex) -> None:
         self._index = index
         self._paths_m: list[float] = []
-        self._latest = 0
-        self._before = -1
+        self._latest = 0  # that was learnt from
+        self._far_back = -1  # the newest that is FAR_M behind
         self._near = _Agreement(PRIOR_NEAR, PRIOR_PAIRS)
         self._far = _Agreement(PRIOR_FAR, PRIOR_PAIRS)
         self._again = _Agreement(0.0, 0.0)
@@ -39,40 +39,29 @@ class AccessPoints:
         number = len(self._paths_m)
         self._paths_m.append(path_m)
         moved_m = path_m - self._paths_m[self._latest]
-        while self._paths_m[self._before + 1] <= path_m - FAR_M:
-            self._before += 1
+        while self._paths_m[self._far_back + 1] <= path_m - FAR_M:
+            self._far_back += 1
         if moved_m >= MOVED_M:
             if moved_m <= NEAR_M:
                 self._compare(self._latest, number, self._near)
-            if self._before >= 0:
-                self._compare(self._before, number, self._far)
+            if self._far_back >= 0:
+                self._compare(self._far_back, number, self._far)
             self._latest = number
         self._weigh(self._index.heard(number).aps)
 
     def confirm(self, a: int, b: int) -> None:
-        """Fingerprints `a` and `b` are known to be of one place, though far apart on the path.
-
-        The place is never quite the same, and all access points agree the less for it: each is held against the others.
-        """
-        aps, agreement = self._agreement(a, b)
-        near, _ = self._near.of(aps)
-        self._again.learn(aps, agreement * near.sum() / max(agreement.sum(), 1e-9))
-        self._weigh(aps)
+        """Fingerprints `a` and `b` are known to be of one place, though far apart on the path."""
+        self._compare(a, b, self._again)
 
     def _compare(self, a: int, b: int, agreement: "_Agreement") -> None:
         """Learn how the access points agree that fingerprint `a` or `b` heard, and weigh them anew."""
-        aps, how = self._agreement(a, b)
-        agreement.learn(aps, how)
-        self._weigh(aps)
-
-    def _agreement(self, a: int, b: int) -> tuple[NDArray[np.int32], Floats]:
-        """(n,) access points that fingerprint `a` or `b` heard, and how they (n,) agree."""
         heard_a, heard_b = self._index.heard(a), self._index.heard(b)
         aps = np.union1d(heard_a.aps, heard_b.aps)
         common, in_a, in_b = np.intersect1d(heard_a.aps, heard_b.aps, assume_unique=True, return_indices=True)
         difference_db = np.full(len(aps), np.inf)
         difference_db[np.searchsorted(aps, common)] = heard_a.rssi[in_a] - heard_b.rssi[in_b]
-        return aps, np.exp(-0.5 * (difference_db / self._index.sigma_db) ** 2)
+        agreement.learn(aps, np.exp(-0.5 * (difference_db / self._index.sigma_db) ** 2))
+        self._weigh(aps)
 
     def _weigh(self, aps: NDArray[np.int32]) -> None:
         near, _ = self._near.of(aps)
