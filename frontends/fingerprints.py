@@ -45,7 +45,7 @@ def usable_readings(scan: WifiScan) -> Readings:
         elif not -120.0 <= rssi <= 0.0:
             dropped.append(DropReason.ABSURD_RSSI)
         elif bssid not in kept or rssi > kept[bssid][0]:
-            kept[bssid] = (rssi, age if 0.0 <= age < 60.0 else 0.0)
+            kept[bssid] = (rssi, age if 0.0 <= age < math.inf else 0.0)
     rssi_age = np.array(list(kept.values()), np.float32).reshape(-1, 2)
     return Readings(tuple(kept), rssi_age[:, 0], rssi_age[:, 1], tuple(dropped))
 

@@ -21,6 +21,7 @@ from wayfi.frontends.odometry import PathPoint
 from wayfi.frontends.receivers import ReceiverOffset, Receivers
 from wayfi.frontends.self_similarity import REACH_M, SelfSimilarity
 
+_STILL_M = 0.02
 _SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
 
 
@@ -99,6 +100,7 @@ class Wifi:
         self._access_points = AccessPoints(self._index)
         self.receivers = Receivers(receivers)
         self._open: dict[str, list[_PlacedScan]] = {}
+        self._ended_m: dict[str, float] = {}
         self._self_similarity = SelfSimilarity(config.near_m)
         self._held: deque[WifiCandidate] = deque()
         self._last_candidate_m = -math.inf
@@ -109,13 +111,19 @@ class Wifi:
     def add_scan(
         self, stamp_ns: int, receiver: str, keyframe: int, T_keyframe_base: Pose2, point: PathPoint, readings: Readings
     ) -> Fingerprint | None:
-        """Take a scan at its place; returns the fingerprint that it completes, if it does."""
+        """Take a scan at its place; returns the fingerprint that it completes, if it does.
+
+        Where a robot stands, one fingerprint of a receiver says it all.
+        """
+        if point.path_m - self._ended_m.get(receiver, -math.inf) < _STILL_M:
+            return None
         scans = self._open.setdefault(receiver, [])
         scans.append(_PlacedScan(stamp_ns, keyframe, T_keyframe_base, point, readings))
         long_enough = point.path_m - scans[0].point.path_m >= self._config.fingerprint_m
         if not long_enough and len(scans) < self._config.fingerprint_scans:
             return None
         del self._open[receiver]
+        self._ended_m[receiver] = point.path_m
         return self._complete(receiver, scans)
 
     def similar(self, fingerprint: Fingerprint) -> Similar:
@@ -177,9 +185,8 @@ class Wifi:
         self.receivers.learn(receiver, middle.point.path_m, heard)
         number = self._index.add(self.receivers.corrected(receiver, heard))
         fingerprint = Fingerprint(
-            number, middle.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, middle.point,
-            heard,
-        )  # fmt: skip
+            number, middle.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, middle.point, heard
+        )
         self._append(fingerprint)
         self._access_points.learn(fingerprint.path_m)
         return fingerprint

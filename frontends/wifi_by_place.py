@@ -55,7 +55,8 @@ class WifiByPlace:
     def add(self, receiver: str, point: PathPoint, readings: Readings, taken_m: Floats) -> None:
         """A scan that ended at `point`; its readings were taken at `taken_m` (n,), NaN where that is not known."""
         known = self._receivers.setdefault(receiver, _Receiver())
-        wait_s = 0.0 if _is_whole(readings) else float(np.quantile(readings.age_s, COME_QUANTILE))
+        placed_s = readings.age_s[~np.isnan(taken_m)]
+        wait_s = 0.0 if _is_whole(readings) or len(placed_s) == 0 else float(np.quantile(placed_s, COME_QUANTILE))
         scan = _Scan(point, readings, taken_m, point.stamp_ns + int(wait_s * SECOND_NS))
         known.heard.append(scan)
         known.waiting.append(scan)

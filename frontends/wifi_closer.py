@@ -67,7 +67,7 @@ class WifiCloser:
         self._confirm = confirm
         self._claims: list[_Claim] = []
         self._sequence: deque[_Claim] = deque(maxlen=_SHOWN)
-        self._searched_with = 0
+        self._refused = self._searched_with = 0
         self._sigma_scale = 1.0
 
     def judge(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
@@ -76,6 +76,7 @@ class WifiCloser:
             return [self._enter(candidate, poses, "the earlier place sounds more like another one beside the later")]
         claim = _Claim(len(self._verdicts), candidate, self._gap_m(candidate))
         self._claims.append(claim)
+        self._refused += 1
         if claim.gap_m >= self._wifi.independent_m:
             self._sequence.clear()
         self._sequence.append(claim)
@@ -89,10 +90,9 @@ class WifiCloser:
         Start again from another turn bias if it explains them far better than the estimate does; otherwise believe
         what the estimate explains, if that is far better than chance.
         """
-        refused = sum(claim.factor is None for claim in self._claims)
-        if refused == 0 or (refused < _MORE_REFUSED * self._searched_with and not last):
+        if self._refused == 0 or (self._refused < _MORE_REFUSED * self._searched_with and not last):
             return []
-        self._searched_with = refused
+        self._searched_with = self._refused
         window = self._claims[-self._config.window :]
         pairs = self._pairs(window)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
@@ -180,6 +180,7 @@ class WifiCloser:
         independent = claim.gap_m / self._wifi.independent_m
         sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
         claim.factor = self._graph.add(Near(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
+        self._refused -= 1
         self._confirm(claim.candidate)
         return self._verdicts.change(claim.number, Verdict.ACCEPTED, reason)
 
@@ -187,6 +188,7 @@ class WifiCloser:
         assert claim.factor is not None
         self._graph.remove(claim.factor)
         claim.factor = None
+        self._refused += 1
         return self._verdicts.change(claim.number, Verdict.REMOVED, reason)
 
     def _learn_sigma(self, window: list[_Claim], pairs: Pairs, poses: Floats) -> None:

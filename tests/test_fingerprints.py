@@ -220,8 +220,8 @@ def test_of_a_repeated_bssid_the_strongest_reading_stays_with_its_age() -> None:
 
 
 def test_an_age_that_cannot_be_is_one_that_is_not_known() -> None:
-    usable = usable_readings(scan([bssid(n) for n in range(4)], [-50.0] * 4, [-1.0, math.nan, 1e6, 5.0]))
-    assert usable.age_s.tolist() == [0.0, 0.0, 0.0, 5.0]
+    usable = usable_readings(scan([bssid(n) for n in range(5)], [-50.0] * 5, [-1.0, math.nan, math.inf, 5.0, 1e6]))
+    assert usable.age_s.tolist() == [0.0, 0.0, 0.0, 5.0, 1e6]
 
 
 def test_a_scan_without_readings_is_empty() -> None:

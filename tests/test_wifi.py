@@ -97,6 +97,16 @@ def test_a_fingerprint_is_the_mean_of_its_scans_without_what_was_heard_by_chance
     assert (fingerprint.keyframe, fingerprint.stamp_ns) == (4, 4 * S)
 
 
+def test_a_robot_that_stands_gets_one_fingerprint_of_each_receiver() -> None:
+    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    for k in range(200):
+        for receiver in ("phone", "tablet"):
+            wifi.add_scan(k * S, receiver, 0, Pose2(), at(3.0), heard(np.zeros(2), rng))
+    assert [f.receiver for f in wifi.fingerprints] == ["phone", "tablet"]
+    wifi.add_scan(200 * S, "phone", 0, Pose2(), at(3.1), heard(np.zeros(2), rng))
+    assert wifi.add_scan(201 * S, "phone", 0, Pose2(), at(3.7), heard(np.zeros(2), rng)) is not None
+
+
 def test_receivers_gather_apart_and_too_few_access_points_name_no_place() -> None:
     wifi = Wifi(WifiConfig(fingerprint_m=1.0, min_readings=2), {})
     two, one = (Readings(tuple("ab"[:n]), np.full(n, -50, np.float32), np.zeros(n, np.float32), ()) for n in (2, 1))

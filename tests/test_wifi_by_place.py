@@ -107,6 +107,12 @@ def test_readings_whose_place_is_not_known_count_nowhere() -> None:
     assert placed.readings.bssids == BSSIDS[:1]
 
 
+def test_readings_too_old_to_have_a_place_hold_up_none() -> None:
+    by_place = WifiByPlace()
+    by_place.add("phone", point(30.0), readings([-40.0, -50.0], [1.0, 1e6]), np.array([14.5, np.nan]))
+    assert len(by_place.ready(31 * S)) == 1
+
+
 def test_a_robot_that_stands_still_gathers_no_more_and_no_more() -> None:
     by_place = WifiByPlace()
 
