@@ -12,9 +12,10 @@ from wayfi.recordings.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive
 
-STEPS = 60
-STEP_M = 0.1
-STEP_NS = 100_000_000
+STEPS = 80
+STEP_M = 0.5
+STEP_NS = 200_000_000
+TURN_AROUND = 10  # steps to the middle, and as many back
 BEAMS = 360
 ROOM_M = 8.0
 
@@ -28,13 +29,13 @@ def warm_up(config: Config) -> None:
 
 
 def _measurements() -> Iterator[tuple[Sensor, Measurement]]:
-    """A robot that drives to the middle of a square room and back."""
+    """A robot that drives to the middle of a square room and back, until WiFi may close a loop."""
     for i in range(STEPS):
         stamp_ns = (i + 1) * STEP_NS
-        x = STEP_M * min(i, STEPS - i)
+        x = STEP_M * abs((i + TURN_AROUND) % (2 * TURN_AROUND) - TURN_AROUND)
         yield Sensor.ODOM, Odometry(stamp_ns, Pose2(x, 0.0, 0.0))
         yield Sensor.SCAN, _scan(stamp_ns, x)
-        if i % 10 == 0:
+        if i % 2 == 0:
             yield Sensor.WIFI, _wifi(stamp_ns)
 
 
