@@ -12,9 +12,10 @@ from wayfi.recordings.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive
 
-STEPS = 60
-STEP_M = 0.1
-STEP_NS = 100_000_000
+STEPS = 80
+STEP_M = 0.5
+STEP_NS = 200_000_000
+TURN_AROUND = 10  # steps to the middle, and as many back
 BEAMS = 360
 ROOM_M = 8.0
 
@@ -28,14 +29,14 @@ def warm_up(config: Config) -> None:
 
 
 def _measurements() -> Iterator[tuple[Sensor, Measurement]]:
-    """A robot that drives to the middle of a square room and back."""
+    """A robot that drives to the middle of a square room and back, until WiFi may close a loop."""
     for i in range(STEPS):
         stamp_ns = (i + 1) * STEP_NS
-        x = STEP_M * min(i, STEPS - i)
+        x = STEP_M * abs((i + TURN_AROUND) % (2 * TURN_AROUND) - TURN_AROUND)
         yield Sensor.ODOM, Odometry(stamp_ns, Pose2(x, 0.0, 0.0))
         yield Sensor.SCAN, _scan(stamp_ns, x)
-        if i % 10 == 0:
-            yield Sensor.WIFI, _wifi(stamp_ns)
+        if i % 2 == 0:
+            yield Sensor.WIFI, _wifi(stamp_ns, x)
 
 
 def _scan(stamp_ns: int, x: float) -> LaserScan:
@@ -47,6 +48,7 @@ def _scan(stamp_ns: int, x: float) -> LaserScan:
     return LaserScan(stamp_ns, "base_link", ranges, -np.pi, 2 * np.pi / BEAMS, 0.1, 30.0)
 
 
-def _wifi(stamp_ns: int) -> WifiScan:
+def _wifi(stamp_ns: int, x: float) -> WifiScan:
     bssids = tuple(f"02:00:00:00:00:{i:02x}" for i in range(10))
-    return WifiScan(stamp_ns, "warm_up", bssids, np.linspace(-80, -40, 10, dtype=np.float32), np.zeros(10, np.float32))
+    rssi = np.linspace(-80.0, -40.0, 10, dtype=np.float32) + np.float32(x)
+    return WifiScan(stamp_ns, "warm_up", bssids, rssi, np.zeros(10, np.float32))

@@ -240,7 +240,7 @@ def test_a_replay_says_what_it_dropped_and_warns_of(minute: Simulated, tmp_path:
     first = [a.stamped(100.0) if "Wifi" in type(a.measurement).__name__ else a for a in minute.arrivals if a.second < 5]
     done = wayfi("replay", write(tmp_path / "r.mcap", first), "--out", tmp_path / "out", "--no-rrd")
     assert done.exit_code == 0
-    assert "dropped from /wifi: 5 no_pose" in done.stdout
+    assert "dropped from /wifi: 5 clock_off" in done.stdout
 
 
 def test_the_demo_makes_scores_and_says_where_to_look(tmp_path: Path) -> None:
