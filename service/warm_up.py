@@ -36,7 +36,7 @@ def _measurements() -> Iterator[tuple[Sensor, Measurement]]:
         yield Sensor.ODOM, Odometry(stamp_ns, Pose2(x, 0.0, 0.0))
         yield Sensor.SCAN, _scan(stamp_ns, x)
         if i % 2 == 0:
-            yield Sensor.WIFI, _wifi(stamp_ns)
+            yield Sensor.WIFI, _wifi(stamp_ns, x)
 
 
 def _scan(stamp_ns: int, x: float) -> LaserScan:
@@ -48,6 +48,7 @@ def _scan(stamp_ns: int, x: float) -> LaserScan:
     return LaserScan(stamp_ns, "base_link", ranges, -np.pi, 2 * np.pi / BEAMS, 0.1, 30.0)
 
 
-def _wifi(stamp_ns: int) -> WifiScan:
+def _wifi(stamp_ns: int, x: float) -> WifiScan:
     bssids = tuple(f"02:00:00:00:00:{i:02x}" for i in range(10))
-    return WifiScan(stamp_ns, "warm_up", bssids, np.linspace(-80, -40, 10, dtype=np.float32), np.zeros(10, np.float32))
+    rssi = np.linspace(-80.0, -40.0, 10, dtype=np.float32) + np.float32(x)
+    return WifiScan(stamp_ns, "warm_up", bssids, rssi, np.zeros(10, np.float32))
