@@ -25,5 +25,9 @@ class Verdicts:
 
     def change(self, number: int, verdict: Verdict, reason: str) -> ClosureJudged:
         """Candidate `number` with another verdict."""
-        self._judged[number] = replace(self._judged[number], verdict=verdict, reason=reason)
-        return self._judged[number]
+        return self.restate(replace(self._judged[number], verdict=verdict, reason=reason))
+
+    def restate(self, judged: ClosureJudged) -> ClosureJudged:
+        """A candidate as it is judged now, in the place of what was said of the same number."""
+        self._judged[judged.closure] = judged
+        return judged

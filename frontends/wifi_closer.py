@@ -8,7 +8,7 @@ pairs come nor a run of false ones decides.
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class WifiCloser:
             return []
         agreed = explained & ~self._are_far(pairs, poses)
         return [
-            self._believe(claim, "agrees with the estimate, as others do")
+            self._believe(claim, poses, "agrees with the estimate, as others do")
             for claim, agrees in zip(window, agreed, strict=True)
             if agrees and claim.factor is None
         ]
@@ -149,7 +149,7 @@ class WifiCloser:
         posterior = self._posterior(claim, poses)
         if posterior < self._config.min_posterior:
             return None
-        return self._believe(claim, f"agrees with the estimate: {posterior:.1%} likely")
+        return self._believe(claim, poses, f"agrees with the estimate: {posterior:.1%} likely")
 
     def _posterior(self, claim: _Claim, poses: Floats) -> float:
         """How likely the pair is true, given the estimate with its covariance and how many pairs were true so far."""
@@ -171,18 +171,23 @@ class WifiCloser:
             if claim.factor is not None and not explained:
                 events.append(self._take_back(claim, "another turn bias explains more closures"))
             elif explained and claim.factor is None:
-                events.append(self._believe(claim, "explained by the turn bias found"))
+                events.append(self._believe(claim, found.poses, "explained by the turn bias found"))
         self._graph.restart(found.values, found.poses)
         return events
 
-    def _believe(self, claim: _Claim, reason: str) -> ClosureJudged:
+    def _believe(self, claim: _Claim, poses: Floats, reason: str) -> ClosureJudged:
+        """Make a factor of it; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
         a, b = claim.candidate.a, claim.candidate.b
         independent = claim.gap_m / self._wifi.independent_m
         sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
         claim.factor = self._graph.add(Near(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
         self._refused -= 1
         self._confirm(claim.candidate)
-        return self._verdicts.change(claim.number, Verdict.ACCEPTED, reason)
+        T_a_b, covariance = self._claimed(claim.candidate, poses)
+        refused = self._verdicts[claim.number]
+        return self._verdicts.restate(
+            replace(refused, T_a_b=T_a_b, covariance=covariance, verdict=Verdict.ACCEPTED, reason=reason)
+        )
 
     def _take_back(self, claim: _Claim, reason: str) -> ClosureJudged:
         assert claim.factor is not None
@@ -223,17 +228,22 @@ class WifiCloser:
             stamp_ns, int(pairs.a[-1]), int(pairs.b[-1]), pairs.at_a(poses), pairs.at_b(poses), residual_m
         )
 
+    def _claimed(self, candidate: WifiCandidate, poses: Floats) -> tuple[Pose2, Floats]:
+        """T_a_b of the keyframes if both fingerprints stand at one place, turned as `poses` are; its covariance."""
+        a, b = candidate.a, candidate.b
+        turned = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
+        variance = (self._sigma_scale * candidate.sigma_m) ** 2
+        return meeting(a.place, b.place, turned), np.diag([variance, variance, UNCLAIMED_RAD**2])
+
     def _enter(self, candidate: WifiCandidate, poses: Floats, refused: str) -> ClosureJudged:
         a, b = candidate.a, candidate.b
-        T_map_a, T_map_b = Pose2.of(poses[a.keyframe]), Pose2.of(poses[b.keyframe])
-        residual_m = (T_map_a @ a.T_keyframe_base).distance(T_map_b @ b.T_keyframe_base)
-        variance = (self._sigma_scale * candidate.sigma_m) ** 2
+        at_a, at_b = (Pose2.of(poses[f.keyframe]) @ f.T_keyframe_base for f in (a, b))
+        T_a_b, covariance = self._claimed(candidate, poses)
         proposed_by = "sequence" if candidate.mutual and len(self._sequence) > 1 else "fingerprint"
         return self._verdicts.enter(
             ClosureJudged(
                 0, self._keyframes[a.keyframe].point.stamp_ns, self._keyframes[b.keyframe].point.stamp_ns, a.keyframe,
-                b.keyframe, ClosureKind.WIFI, proposed_by, candidate.similarity, residual_m, np.nan,
-                meeting(a.place, b.place, T_map_a.between(T_map_b).theta),
-                np.diag([variance, variance, UNCLAIMED_RAD**2]), False, Verdict.REFUSED, refused,
+                b.keyframe, ClosureKind.WIFI, proposed_by, candidate.similarity, at_a.distance(at_b), np.nan, T_a_b,
+                covariance, False, Verdict.REFUSED, refused,
             )
         )  # fmt: skip

@@ -33,25 +33,34 @@ SHOWN_STAGES = 5
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A replay to measure: the folder with recording.mcap and truth.tum, and options of `wayfi replay`."""
+    """A replay to measure: the folder with recording.mcap and truth.tum, and options of `wayfi replay`.
+
+    One that is `taught` starts with the calibration that another recording has left.
+    """
 
     name: str
     folder: Path
     options: tuple[str, ...] = ()
     world: World | None = None
+    taught: Path | None = None
 
 
 CASES = [
     Case("b14test1", REAL / "b14test1"),
     Case("b24test2", REAL / "b24test2"),
     Case("b3test2", REAL / "b3test2"),
+    Case("b24test2, calibrated on b14test1", REAL / "b24test2", taught=REAL / "b14test1"),
+    Case("b3test2, calibrated on b14test1", REAL / "b3test2", taught=REAL / "b14test1"),
     Case("flat_calib3", REAL / "flat_calib3"),
     Case("intel", REAL / "intel"),
     Case("intel_wifi (its WiFi is simulated)", REAL / "intel_wifi"),
+    Case("intel_wifi (its WiFi is simulated), laser off", REAL / "intel_wifi", WITHOUT_LASER),
     Case("simulated car park", MADE / "carpark", world=World.CARPARK),
     Case("simulated car park, laser off", MADE / "carpark", WITHOUT_LASER, World.CARPARK),
     Case("simulated office", MADE / "office", world=World.OFFICE),
+    Case("simulated office, laser off", MADE / "office", WITHOUT_LASER, World.OFFICE),
     Case("simulated warehouse", MADE / "warehouse", world=World.WAREHOUSE),
+    Case("simulated warehouse, laser off", MADE / "warehouse", WITHOUT_LASER, World.WAREHOUSE),
 ]
 
 
@@ -117,16 +126,25 @@ def make(case: Case) -> None:
 
 def measure(case: Case) -> Measured:
     """Replay a case in a process of its own, and score it."""
-    recording = case.folder / "recording.mcap"
     make(case)
-    with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "wayfi.service.cli", "replay", str(recording), "--out", out, "--json"]
-        done = subprocess.run([*command, *case.options], capture_output=True, text=True, check=False)
-        if done.returncode:
-            sys.exit(f"{case.name}: {done.stderr.strip()}")
-        scores = evaluate(Path(out), case.folder / "truth.tum").to_dict()
-        rrd_mb = (Path(out) / "session.rrd").stat().st_size / 1e6
-        return Measured(case, json.loads(done.stdout), scores, rrd_mb)
+    with tempfile.TemporaryDirectory() as made:
+        options, out = list(case.options), Path(made) / "out"
+        if case.taught:
+            replay(case.taught, Path(made) / "before")
+            options += ["--calibration", str(Path(made) / "before" / "calibration.toml")]
+        report = replay(case.folder, out, *options)
+        scores = evaluate(out, case.folder / "truth.tum").to_dict()
+        return Measured(case, report, scores, (out / "session.rrd").stat().st_size / 1e6)
+
+
+def replay(folder: Path, out: Path, *options: str) -> dict[str, Any]:
+    """Replay a folder's recording into `out`; the report."""
+    command = [sys.executable, "-m", "wayfi.service.cli", "replay", str(folder / "recording.mcap"), "--out", str(out)]
+    done = subprocess.run([*command, "--json", *options], capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"{folder}: {done.stderr.strip()}")
+    report: dict[str, Any] = json.loads(done.stdout)
+    return report
 
 
 def row(cells: list[str]) -> str:
