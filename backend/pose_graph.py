@@ -150,15 +150,23 @@ class PoseGraph:
     def settle(self) -> None:
         """Update until what the last closures moved has found its place."""
         self.update()
-        for _ in range(self._config.settle_updates):
-            self._isam.update()
-        self._settled = self._whole_estimate()
+        try:
+            for _ in range(self._config.settle_updates):
+                self._isam.update()
+            self._settled = self._whole_estimate()
+        except RuntimeError:
+            self._rebuild(self._prior.values, self._settled)
 
     @property
     def pending(self) -> bool:
         """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
         changes = bool(self._removed) or self._restart is not None
         return changes or any(self._closes_loop(self._factors[n]) for n in self._queued)
+
+    @property
+    def restarts(self) -> bool:
+        """Whether the next update will start again from elsewhere: the estimate of now is given up."""
+        return self._restart is not None
 
     def restart(self, calibration: Floats, poses: Floats) -> None:
         """With the next update, optimise everything anew from `poses` (n, 3) and `calibration` (4,).

@@ -29,6 +29,8 @@ class WheelCalibration:
             raise WayfiError(f"a wheel calibration has the four numbers {', '.join(NAMES)}, each with a sigma")
         if not (np.isfinite(self.values).all() and np.isfinite(self.sigmas).all() and (self.sigmas > 0).all()):
             raise WayfiError("a wheel calibration needs finite values and sigmas above zero")
+        if self.values[0] <= -1:
+            raise WayfiError(f"wheels of distance scale {self.values[0]} would go nowhere: it must be above -1")
 
 
 @dataclass(frozen=True, slots=True)

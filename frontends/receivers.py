@@ -81,7 +81,7 @@ class Receivers:
     def _walk(self, path_m: float) -> None:
         """Offsets may have changed on the way to `path_m`; the reference is what it is."""
         moved_m = max(0.0, path_m - self._path_m)
-        self._path_m = path_m
+        self._path_m = path_m if math.isinf(self._path_m) else max(self._path_m, path_m)
         changing = np.diag(self._covariance) > 0.0
         self._covariance += np.diag(np.where(changing, WALK_DB_PER_SQRT_M**2 * moved_m, 0.0))
 

@@ -22,6 +22,7 @@ from wayfi.frontends.receivers import ReceiverOffset, Receivers
 from wayfi.frontends.self_similarity import REACH_M, SelfSimilarity
 
 _STILL_M = 0.02
+_LONGEST = 2  # times its usual length: scans further apart than this are fingerprints of their own
 _SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
 
 
@@ -117,8 +118,12 @@ class Wifi:
         """
         if point.path_m - self._ended_m.get(receiver, -math.inf) < _STILL_M:
             return None
+        scan = _PlacedScan(stamp_ns, keyframe, T_keyframe_base, point, readings)
         scans = self._open.setdefault(receiver, [])
-        scans.append(_PlacedScan(stamp_ns, keyframe, T_keyframe_base, point, readings))
+        if scans and point.path_m - scans[0].point.path_m > _LONGEST * self._config.fingerprint_m:
+            self._open[receiver] = [scan]
+            return self._complete(receiver, scans) if point.path_m - scans[0].point.path_m < REACH_M else None
+        scans.append(scan)
         long_enough = point.path_m - scans[0].point.path_m >= self._config.fingerprint_m
         if not long_enough and len(scans) < self._config.fingerprint_scans:
             return None
@@ -142,6 +147,8 @@ class Wifi:
         if b.path_m - self._last_candidate_m < self._config.candidate_every_m or len(similar.numbers) == 0:
             return None
         a, similarity = self.fingerprints[int(similar.numbers[0])], float(similar.similarity[0])
+        if b.path_m - a.path_m < self._config.min_path_m:
+            return None  # of another receiver, whose fingerprints are late
         distance = self._self_similarity.distance(similarity)
         if distance.near < self._config.min_near:
             return None

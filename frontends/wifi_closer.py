@@ -47,6 +47,7 @@ class _Claim:
     candidate: WifiCandidate
     gap_m: float
     factor: int | None = None
+    confirmed: bool = False
 
 
 class WifiCloser:
@@ -90,7 +91,10 @@ class WifiCloser:
         Start again from another turn bias if it explains them far better than the estimate does; otherwise believe
         what the estimate explains, if that is far better than chance.
         """
-        if self._refused == 0 or (self._refused < _MORE_REFUSED * self._searched_with and not last):
+        self._searched_with = min(self._searched_with, self._refused)
+        if self._graph.restarts or self._refused == 0:
+            return []
+        if (self._refused < _MORE_REFUSED * self._searched_with) and not last:
             return []
         self._searched_with = self._refused
         window = self._claims[-self._config.window :]
@@ -146,6 +150,8 @@ class WifiCloser:
         return self._wifi.independent_m
 
     def _believe_if_likely(self, claim: _Claim, poses: Floats) -> ClosureJudged | None:
+        if self._graph.restarts:
+            return None  # review looks again, in the estimate that comes of it
         posterior = self._posterior(claim, poses)
         if posterior < self._config.min_posterior:
             return None
@@ -182,7 +188,9 @@ class WifiCloser:
         sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
         claim.factor = self._graph.add(Near(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
         self._refused -= 1
-        self._confirm(claim.candidate)
+        if not claim.confirmed:
+            self._confirm(claim.candidate)
+            claim.confirmed = True
         T_a_b, covariance = self._claimed(claim.candidate, poses)
         refused = self._verdicts[claim.number]
         return self._verdicts.restate(

@@ -4,6 +4,7 @@ A complaint rests on the last scans or readings taken together, not on one scan:
 they like, some into one for each channel.
 """
 
+import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -110,7 +111,8 @@ class _Receiver:
             moved = before is not None and path_m - before[1] >= CHANGE_M
             if before is not None and moved:
                 same.append(rssi == before[0])
-            self.levels[bssid] = (rssi, path_m) if before is None or moved else before
+            kept = before is not None and not moved and not math.isnan(before[1])
+            self.levels[bssid] = before if before is not None and kept else (rssi, path_m)
         while len(self.levels) > KNOWN_BSSIDS:
             del self.levels[next(iter(self.levels))]
         return new, same

@@ -1,5 +1,6 @@
 """calibration.toml: what a drive has learnt of the wheels and the receivers, for the next one to start with."""
 
+import json
 import math
 import tomllib
 from pathlib import Path
@@ -25,7 +26,7 @@ def calibration_toml(calibration: Calibration) -> str:
         lines.append(f"{name} = {{ value = {float(value)!r}, sigma = {float(sigma)!r} }}")
     lines += ["", "# How many dB each WiFi receiver reads above the first, which has sigma 0.", "[receivers]"]
     for receiver, found in calibration.receivers.items():
-        key = '"' + receiver.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        key = json.dumps(receiver, ensure_ascii=False).replace("\x7f", "\\u007f")
         lines.append(f"{key} = {{ offset_db = {found.offset_db!r}, sigma_db = {found.sigma_db!r} }}")
     return "\n".join(lines) + "\n"
 
@@ -38,9 +39,11 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
 def read_calibration(path: Path) -> Calibration:
     """What a calibration.toml holds. Raises CalibrationError."""
     try:
-        return parse_calibration(path.read_text(), str(path))
+        return parse_calibration(path.read_text(encoding="utf-8"), str(path))
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"{path}: is no calibration.toml of wayfi: {error}") from None
 
 
 def parse_calibration(text: str, where: str) -> Calibration:

@@ -16,12 +16,14 @@ from wayfi.backend.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import (
     CalibrationUpdated,
+    ClosureJudged,
     Event,
     FingerprintAdded,
     GraphUpdated,
     KeyframeAdded,
     StateChanged,
     SubmapMatched,
+    Verdict,
 )
 from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.keyframes import Keyframe, Keyframes
@@ -127,7 +129,10 @@ class Slam:
         events: list[Event] = [_fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
             if candidate is not None and self._lidar_closer.sees(candidate):
-                events += self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
+                closed = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
+                if any(isinstance(e, ClosureJudged) and e.verdict is Verdict.ACCEPTED for e in closed):
+                    self.wifi.confirm(candidate)
+                events += closed
             elif candidate is not None:
                 self.wifi.hold(candidate)
             events += self._close_by_wifi(self.wifi.released(), stamp_ns)

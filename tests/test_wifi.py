@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
-from wayfi.frontends.fingerprints import Readings
+from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.odometry import PathPoint
 from wayfi.frontends.wifi import Fingerprint, Wifi, WifiCandidate, WifiConfig
 
@@ -105,6 +105,25 @@ def test_a_robot_that_stands_gets_one_fingerprint_of_each_receiver() -> None:
     assert [f.receiver for f in wifi.fingerprints] == ["phone", "tablet"]
     wifi.add_scan(200 * S, "phone", 0, Pose2(), at(3.1), heard(np.zeros(2), rng))
     assert wifi.add_scan(201 * S, "phone", 0, Pose2(), at(3.7), heard(np.zeros(2), rng)) is not None
+
+
+def test_scans_far_apart_are_not_one_place() -> None:
+    """A phone that scans each half minute; and one that falls silent for a while."""
+    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    scans = {0.0: "phone", 5.0: "phone", 10.0: "phone", 60.0: "phone", 60.6: "phone"}
+    done = [wifi.add_scan(0, name, 0, Pose2(), at(m), heard(np.array([m, 0.0]), rng)) for m, name in scans.items()]
+    assert [f and f.path_m for f in done] == [None, 0.0, 5.0, None, 60.6], "what lay in waiting for 50 m is too late"
+
+
+def test_a_fingerprint_that_comes_late_is_no_neighbours_earlier_place() -> None:
+    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    for k in range(400):
+        wifi.add_scan(k * S, "phone", k, Pose2(), at(0.25 * k), heard(np.array([0.25 * k, 0.0]), rng))
+        for f in wifi.fingerprints[-1:]:
+            wifi.similar(f)
+    late = wifi.fingerprints[-30]
+    similar = Similar(np.array([late.number - 5]), np.array([0.99]))
+    assert wifi.candidate(late, similar) is None
 
 
 def test_receivers_gather_apart_and_too_few_access_points_name_no_place() -> None:

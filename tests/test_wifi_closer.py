@@ -119,6 +119,23 @@ def test_pairs_that_agree_tell_the_turn_bias(bias: float) -> None:
     assert len(accepted(run)) > 0.9 * len(verdicts(run))
 
 
+def test_a_restart_is_asked_for_once() -> None:
+    """Several candidates may come before the next keyframe, with which a restart takes effect."""
+    run = drive(3.0, radius_m=8.0, bias=0.08, laser=False)
+    closing = closer(run)
+    events: list[Event] = []
+    poses = run.poses()
+    for candidate in rounds(run):
+        events += closing.judge(candidate, 7, poses)
+        events += closing.decide(7, poses)
+    assert sum(isinstance(event, Warned) for event in events) == 1
+    for _ in range(2):
+        run.graph.update()
+        closing.review(run.poses())
+        closing.decide(7, run.poses())
+    assert len(accepted(run)) > 0.8 * len(verdicts(run))
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("per_true", [1, 4])
 def test_false_pairs_among_true_ones_do_not_move_the_map(per_true: int, seed: int) -> None:
