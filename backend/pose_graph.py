@@ -70,7 +70,7 @@ Factor = Between | Wheels | Near
 
 @dataclass(frozen=True, slots=True)
 class UpdateSummary:
-    """What one update did: factors in, out and in all, and whether earlier poses may have moved."""
+    """What one update did: factors in, out and in all."""
 
     added: int
     removed: int

@@ -9,9 +9,8 @@ gone agrees from one step to the next, but no longer where the robot is known to
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.pose2 import Floats
 from wayfi.frontends.fingerprints import FingerprintIndex
-
-Floats = NDArray[np.float64]
 
 NEAR_M = 2.0  # of path: shadowing is alike over this length
 MOVED_M = 0.25  # of path: fingerprints nearer than this repeat each other, as those of a robot that stands still do

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2
 
+SECOND_NS = 1_000_000_000
+
 
 class Sensor(StrEnum):
     """The five inputs, by the name of their default topic."""

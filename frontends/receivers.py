@@ -10,11 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wayfi.backend.pose2 import Floats
 from wayfi.frontends.fingerprints import Readings
-
-Floats = NDArray[np.float64]
 
 PRIOR_SIGMA_DB = 4.0  # phones of one kind were seen 2 to 4 dB apart
 ONE_PLACE_M = 1.0  # of path: RSSI changes little over it, and fading is new after it

@@ -12,9 +12,9 @@ import numpy as np
 
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.fingerprints import Readings
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry import PathPoint
 
-SECOND_NS = 1_000_000_000
 NEAR_M = 1.0  # to each side: a phone that reports an access point once a metre leaves holes in less
 TOGETHER_S = 0.5  # ages that are below this, or unknown: the scan was taken where it ended
 COME_QUANTILE = 0.9  # of the ages of a scan: so long it waits for later scans to tell of its place

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.fingerprints import Readings
-from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.measurements import SECOND_NS, Sensor
 
-SECOND_NS = 1_000_000_000
 MOST_READINGS = 256  # real receivers were seen to hear 130
 CLOCK_NS = 2 * SECOND_NS  # a metre at walking robots' half a metre per second: closures are to be good to 1.5 m
 CHANGE_M = 0.5  # of path, over which nine of ten levels were seen to change

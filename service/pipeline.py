@@ -216,10 +216,10 @@ class Pipeline:
 
     def _use_wifi(self, ready: Iterator[PlacedReadings | Event]) -> Iterator[Event]:
         for heard in ready:
-            if isinstance(heard, PlacedReadings):
-                point = heard.point
-                yield from self._slam.add_wifi(point.stamp_ns, heard.receiver, point, heard.readings)
-            else:
+            latest = self._wheels.latest
+            if isinstance(heard, PlacedReadings) and latest is not None:
+                yield from self._slam.add_wifi(latest.stamp_ns, heard.receiver, heard.point, heard.readings)
+            elif not isinstance(heard, PlacedReadings):
                 yield heard
 
     def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:

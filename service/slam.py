@@ -117,11 +117,11 @@ class Slam:
         return events + self._observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, receiver: str, point: PathPoint, readings: Readings) -> list[Event]:
-        """A WiFi scan taken at `point`, now or seconds ago; closes loops by the fingerprint that it completes."""
+        """A WiFi scan of `point`, at `stamp_ns` or seconds before; closes loops by the fingerprint it completes."""
         keyframe = self.keyframes.before(point.stamp_ns)
         T = self.keyframes[keyframe].point.motion_to(point).corrected(self._calibration)
         with self._timer("wifi"):
-            fingerprint = self.wifi.add_scan(stamp_ns, receiver, keyframe, T, point, readings)
+            fingerprint = self.wifi.add_scan(point.stamp_ns, receiver, keyframe, T, point, readings)
             if fingerprint is None:
                 return []
             similar = self.wifi.similar(fingerprint)
@@ -139,7 +139,7 @@ class Slam:
         return events
 
     def settle(self, stamp_ns: int) -> list[Event]:
-        """At the end of a drive: take in the last closures, until none of them is taken back."""
+        """At the end of a drive: take in the last closures, and review them `SETTLING_REVIEWS` times at most."""
         events = self._close_by_wifi(self.wifi.released(at_end=True), stamp_ns, last=True)
         for _ in range(SETTLING_REVIEWS):
             self.graph.settle()

@@ -8,12 +8,11 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.fingerprints import Readings, usable_readings
-from wayfi.frontends.measurements import Sensor, WifiScan
+from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan
 from wayfi.frontends.odometry import PathPoint, Wheels
 from wayfi.frontends.wifi_by_place import PlacedReadings, WifiByPlace
 from wayfi.frontends.wifi_watch import WifiWatch
 
-SECOND_NS = 1_000_000_000
 EARLY_NS = 5 * SECOND_NS  # before the first pose, a scan waits so long for it
 WAIT_NS = 30 * SECOND_NS  # later, for the odometry to go on
 
