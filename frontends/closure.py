@@ -81,7 +81,7 @@ def check(
     window_rad = min(max(3 * math.sqrt(guess_covariance[2, 2]), 0.1), config.max_window_rad)
     likelihood = build_field(submap.points, lidar.correlative)
     peak = search(scan.points, likelihood, guess, window_m, window_rad, lidar.correlative)
-    result = icp(scan.points, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
+    result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
     floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
     covariance = match_covariance(result, lidar) + floor
     second = peak.second_score / max(peak.score, 1e-9)

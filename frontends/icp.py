@@ -4,6 +4,7 @@ Point-to-line after Censi, "An ICP variant using a point-to-line metric" (ICRA 2
 direction that the walls do not constrain is left to the prior, and the covariance says so.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.point_index import PointIndex, nearest
 
 
@@ -23,7 +25,9 @@ class IcpConfig:
     gate_start_m: float = option(0.8, "m", "how far the first guess may be off")
     gate_end_m: float = option(0.2, "m", "wider takes in furniture that is not in the submap")
     inlier_m: float = option(0.12, "m", "three times a laser's noise plus the spacing of the points")
-    sigma_m: float = option(0.03, "m", "noise of a range, and of the wall that it is compared with")
+    sigma_m: float = option(0.03, "m", "noise of a range and of the wall that it is compared with, at the first guess")
+    least_sigma_m: float = option(0.01, "m", "the residuals tell the noise; a good laser's is no less")
+    max_turned_rad: float = option(0.8, "rad", "between a point's normal and its wall's; beyond, it is another face")
     correlated_points: float = option(8.0, "", "neighbouring beams err together: so many count as one")
 
 
@@ -40,15 +44,16 @@ class IcpResult:
     residual_m: float
 
 
-def icp(points: Floats, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
-    """Align `points` (n, 2) m to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about it."""
-    points = np.ascontiguousarray(points)
+def icp(scan: ScanPoints, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
+    """Align `scan` to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about it."""
+    points = np.ascontiguousarray(scan.points)
     index = (
         target.points, target.normals, target.starts, target.origin, target.cell_m, target.rows, target.columns,
     )  # fmt: skip
     pose, information = _align(
-        points, *index, guess.array(), prior, config.iterations, config.gate_start_m, config.gate_end_m,
-        config.sigma_m, config.correlated_points,
+        points, scan.normals, *index, guess.array(), prior, config.iterations, config.gate_start_m, config.gate_end_m,
+        config.sigma_m, config.least_sigma_m, config.correlated_points,
+        math.cos(config.max_turned_rad),
     )  # fmt: skip
     inliers, residual = _inliers(points, *index, pose, config.inlier_m)
     return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual)
@@ -57,6 +62,7 @@ def icp(points: Floats, target: PointIndex, guess: Pose2, prior: Floats, config:
 @njit(cache=True)
 def _align(
     points: Floats,
+    facing: Floats,
     target: Floats,
     normals: Floats,
     starts: NDArray[np.int64],
@@ -70,16 +76,18 @@ def _align(
     gate_start_m: float,
     gate_end_m: float,
     sigma_m: float,
+    least_sigma_m: float,
     correlated: float,
+    least_cos: float,
 ) -> tuple[Floats, Floats]:
     pose = guess.copy()
+    variance = sigma_m * sigma_m
     information = np.zeros((3, 3))
     for iteration in range(iterations):
         gate = max(gate_end_m, gate_start_m * 0.7**iteration)
         information[:] = 0.0
-        H = prior.copy()
-        off = pose - guess
-        g = prior @ off
+        gradient = np.zeros(3)
+        weights, squares = 0.0, 0.0
         c, s = np.cos(pose[2]), np.sin(pose[2])
         for i in range(points.shape[0]):
             rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
@@ -88,21 +96,25 @@ def _align(
             if k < 0 or np.isnan(normals[k, 0]):
                 continue
             nx, ny = normals[k, 0], normals[k, 1]
+            fx, fy = c * facing[i, 0] - s * facing[i, 1], s * facing[i, 0] + c * facing[i, 1]
+            if fx * nx + fy * ny < least_cos:
+                continue
             error = nx * (x - target[k, 0]) + ny * (y - target[k, 1])
             scale = max(0.5 * gate, sigma_m)
             weight = 1.0 / (1.0 + (error / scale) ** 2)
-            weight /= sigma_m * sigma_m * correlated
+            weights += weight
+            squares += weight * error * error
             jt = nx * -ry + ny * rx
             J = (nx, ny, jt)
             for a in range(3):
-                g[a] += weight * J[a] * error
+                gradient[a] += weight * J[a] * error
                 for b in range(3):
                     information[a, b] += weight * J[a] * J[b]
-        H += information
-        H[0, 0] += 1e-6
-        H[1, 1] += 1e-6
-        H[2, 2] += 1e-6
-        step = np.linalg.solve(H, -g)
+        if gate <= gate_end_m and weights > 0:
+            variance = max(least_sigma_m * least_sigma_m, squares / weights)
+        information /= variance * correlated
+        gradient /= variance * correlated
+        step = np.linalg.solve(information + prior + 1e-6 * np.eye(3), -gradient - prior @ (pose - guess))
         pose += step
         if gate <= gate_end_m and abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-5:
             break

@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wayfi.backend.options import option
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.correlative import CorrelativeConfig, build_field, search
+from wayfi.frontends.height_band import CloudConfig
 from wayfi.frontends.icp import IcpConfig, IcpResult, icp
 from wayfi.frontends.laser_points import ScanPoints, place_all
 from wayfi.frontends.point_index import PointIndex, build_index
+
+OPEN = np.eye(3)  # information, 1 / m^2 and 1 / rad^2, about what a scan does not see
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,7 @@ class LidarConfig:
     trust: TrustConfig = field(default_factory=TrustConfig)
     icp: IcpConfig = field(default_factory=IcpConfig)
     correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
+    cloud: CloudConfig = field(default_factory=CloudConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,15 +84,27 @@ def match_scan(
     Where that leaves an inlier ratio under `search_below`, the window of `guess_covariance` is searched as well.
     """
     prior = np.asarray(np.linalg.inv(guess_covariance), np.float64)
-    result = icp(scan.points, submap, guess, prior, config.icp)
+    result = icp(scan, submap, guess, prior, config.icp)
     searched = False
     if result.inlier_ratio < search_below:
         retry = _search_and_match(scan, submap, guess, guess_covariance, config)
         if retry.inlier_ratio > result.inlier_ratio + 0.05:
             result, searched = retry, True
-    return ScanMatch(
-        result.T_target_scan, match_covariance(result, config), result.inlier_ratio, result.residual_m, searched
-    )
+    T = result.T_target_scan if searched else _without_prior(result, guess, prior, config)
+    return ScanMatch(T, match_covariance(result, config), result.inlier_ratio, result.residual_m, searched)
+
+
+def _without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarConfig) -> Pose2:
+    """What the scan alone says, where `result` leant on `prior` (3, 3) information about `guess` as well.
+
+    The graph counts the wheels itself. From P (x - guess) + I (x - z) = 0 at the pose x that was found; where the scan
+    sees nothing, z stays at x.
+    """
+    x = result.T_target_scan
+    off = np.array([x.x - guess.x, x.y - guess.y, wrap(x.theta - guess.theta)])
+    kept = _seen_directions(result.information, config.degenerate_below)
+    information = kept @ result.information @ kept + OPEN
+    return Pose2.of(x.array() + np.linalg.solve(information, kept @ prior @ off))
 
 
 def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
@@ -97,22 +113,19 @@ def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
     In a corridor the noise of the normals feigns a little information along it; a direction with less than
     `degenerate_below` of the other's is taken to have none (after X-ICP, Tuna et al., arXiv 2211.16335).
     """
-    open_directions = np.diag([1.0, 1.0, 1.0])
     floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
-    information = _seen(result.information, config.degenerate_below)
-    covariance = np.linalg.inv(information + open_directions) + floor
+    kept = _seen_directions(result.information, config.degenerate_below)
+    covariance = np.linalg.inv(kept @ result.information @ kept + OPEN) + floor
     return 0.5 * (covariance + covariance.T)
 
 
-def _seen(information: Floats, degenerate_below: float) -> Floats:
-    """The (3, 3) information without a direction of translation that is not really seen."""
+def _seen_directions(information: Floats, degenerate_below: float) -> Floats:
+    """(3, 3) projection that leaves out a direction of translation that is not really seen."""
     eigenvalues, directions = np.linalg.eigh(information[:2, :2])
-    if eigenvalues[0] >= degenerate_below * eigenvalues[1]:
-        return information
     kept = np.eye(3)
-    kept[:2, :2] = np.outer(directions[:, 1], directions[:, 1])
-    seen: Floats = kept @ information @ kept
-    return seen
+    if eigenvalues[0] < degenerate_below * eigenvalues[1]:
+        kept[:2, :2] = np.outer(directions[:, 1], directions[:, 1])
+    return kept
 
 
 def _search_and_match(
@@ -123,4 +136,4 @@ def _search_and_match(
     peak = search(
         scan.points, build_field(submap.points, config.correlative), guess, window_m, window_rad, config.correlative
     )
-    return icp(scan.points, submap, peak.pose, np.zeros((3, 3)), config.icp)
+    return icp(scan, submap, peak.pose, np.zeros((3, 3)), config.icp)

@@ -55,11 +55,15 @@ class LaserScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
-    """One 3D LiDAR sweep: `points` (n, 3) float32 in m in `frame_id`; rows that are not finite are no return."""
+    """One 3D LiDAR sweep: `points` (n, 3) float32 in m in `frame_id`; rows that are not finite are no return.
+
+    `time_s` (n,) float32 is when each point was taken, after `stamp_ns` (before it: negative); None: unknown.
+    """
 
     stamp_ns: int
     frame_id: str
     points: NDArray[np.float32]
+    time_s: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,22 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.laser_points import ScanPoints, beam_points, normals_along, planar_mount, thin, to_base
+from wayfi.frontends.laser_points import ScanPoints, beam_points, planar_mount, returns, to_base, walls_seen
 from wayfi.frontends.lidar import LidarConfig
-from wayfi.frontends.measurements import LaserScan, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransforms
 from wayfi.frontends.odometry import PathPoint, Wheels
+from wayfi.service.cloud_intake import CloudIntake, any_return, turn_ns
 
-NORMAL_REACH = 5
 GAP_NS = 1_000_000_000
+
+Sweep = LaserScan | PointCloud
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedScan:
-    """A scan at its place on the path: thinned `points` with normals, and all `hits` (n, 2) float32 m in base_link."""
+    """A scan at its place on the path: thinned `points` with normals, and all `hits` (n, 2) float32 m in base_link.
+
+    `band` (m, 3) m holds the height band's points of the cloud that the scan was cut from, if it was.
+    """
 
     point: PathPoint
     points: ScanPoints
     hits: NDArray[np.float32]
+    band: Floats | None = None
 
 
 class ScanIntake:
@@ -34,27 +40,29 @@ class ScanIntake:
         self._config = config
         self._base_frame = base_frame
         self._mounts: dict[str, tuple[Pose2, bool]] = {}
-        self._waiting: deque[tuple[int, LaserScan]] = deque()
+        self.clouds = CloudIntake(config)
+        self._waiting: deque[tuple[int, Sweep]] = deque()
 
     def take_transforms(self, transforms: StaticTransforms) -> None:
         """Learn where sensors are mounted on the base."""
         for t in transforms.transforms:
             if t.frame_id == self._base_frame and np.isfinite((*t.translation_xyz, *t.rotation_xyzw)).all():
                 self._mounts[t.child_frame_id] = planar_mount(t)
+                self.clouds.take(t)
 
     def knows(self, frame_id: str) -> bool:
         """Whether the mount of a frame is known, from /tf_static or the configuration."""
         return bool(self._config.mount) or frame_id in self._mounts or frame_id == self._base_frame
 
-    def wait(self, stamp_ns: int, scan: LaserScan) -> None:
+    def wait(self, stamp_ns: int, scan: Sweep) -> None:
         """Queue a scan until the odometry has come so far."""
         self._waiting.append((stamp_ns, scan))
 
-    def waiting(self) -> list[tuple[int, LaserScan]]:
+    def waiting(self) -> list[tuple[int, Sweep]]:
         """The scans that wait, oldest first, each with its stamp on the time base."""
         return list(self._waiting)
 
-    def drop_ahead(self, stamp_ns: int) -> list[LaserScan]:
+    def drop_ahead(self, stamp_ns: int) -> list[Sweep]:
         """Forget the scans stamped after `stamp_ns`: their clock is not the odometry's."""
         ahead = [scan for scan_ns, scan in self._waiting if scan_ns > stamp_ns]
         self._waiting = deque(waiting for waiting in self._waiting if waiting[0] <= stamp_ns)
@@ -65,9 +73,9 @@ class ScanIntake:
         """From the oldest scan that waits to the newest; a gap between two of them counts for a second at most."""
         return sum(min(after[0] - before[0], GAP_NS) for before, after in pairwise(self._waiting))
 
-    def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, LaserScan]]:
+    def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, Sweep]]:
         """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""
-        out: list[tuple[PathPoint | None, LaserScan]] = []
+        out: list[tuple[PathPoint | None, Sweep]] = []
         latest = wheels.latest
         while latest and self._waiting and self._waiting[0][0] + sweep_ns(self._waiting[0][1]) <= latest.stamp_ns:
             stamp_ns, scan = self._waiting.popleft()
@@ -79,17 +87,18 @@ class ScanIntake:
         mount, upside_down = self._mount(scan.frame_id)
         return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
 
-    def place(self, point: PathPoint, scan: LaserScan, wheels: Wheels) -> PlacedScan | None:
+    def place(self, point: PathPoint, scan: Sweep, wheels: Wheels) -> PlacedScan | None:
         """The scan's points in base_link at `point`; None if no beam returned."""
+        if isinstance(scan, PointCloud):
+            cut = self.clouds.cut(point, scan, wheels)
+            return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
         beams, points = beam_points(scan, self._config.max_range_m)
         if len(points) == 0:
             return None
         mount, upside_down = self._mount(scan.frame_id)
         points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, wheels))
-        origin = np.array([mount.x, mount.y])
-        normals = normals_along(points, origin, NORMAL_REACH, self._config.normal_radius_m)
-        kept = thin(points, self._config.thinning_m)
-        return PlacedScan(point, ScanPoints(points[kept], normals[kept], mount), points.astype(np.float32))
+        seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
+        return PlacedScan(point, seen, points.astype(np.float32))
 
     def _mount(self, frame_id: str) -> tuple[Pose2, bool]:
         if self._config.mount:
@@ -97,8 +106,20 @@ class ScanIntake:
         return self._mounts.get(frame_id, (Pose2(), False))
 
 
-def sweep_ns(scan: LaserScan) -> int:
+def sensor_of(scan: Sweep) -> Sensor:
+    """The sensor that a scan is from."""
+    return Sensor.POINTS if isinstance(scan, PointCloud) else Sensor.SCAN
+
+
+def sees_anything(scan: Sweep, max_range_m: float) -> bool:
+    """Whether a scan holds a return within `max_range_m`, a cloud one at all."""
+    return any_return(scan) if isinstance(scan, PointCloud) else len(returns(scan, max_range_m)) > 0
+
+
+def sweep_ns(scan: Sweep) -> int:
     """How long after its stamp the last beam of a scan was taken, ns; 0 where the message does not say."""
+    if isinstance(scan, PointCloud):
+        return turn_ns(scan)
     seconds = scan.time_increment_s * len(scan.ranges)
     return int(seconds * 1e9) if 0 < seconds < 2.0 else 0
 

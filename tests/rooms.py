@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.laser_points import ScanPoints, normals_along, thin
+from wayfi.frontends.laser_points import ScanPoints, walls_seen
 from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
 from wayfi.recordings.simulation.surfaces import box, still
 
@@ -23,9 +23,7 @@ def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0
     bearing = ANGLE_MIN + ANGLE_INCREMENT * np.arange(BEAMS)[seen]
     measured = exact[seen] + sigma_m * rng.standard_normal(len(seen))
     points = measured[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    normals = normals_along(points, np.zeros(2), 5, 0.2)
-    kept = thin(points, 0.08)
-    return ScanPoints(points[kept], normals[kept], Pose2())
+    return walls_seen(points, Pose2(), 0.2, 0.08)
 
 
 def off_by(rng: np.random.Generator, metres: float, degrees: float) -> Pose2:

@@ -38,7 +38,7 @@ def test_known_rooms_are_found_again_to_a_centimetre_from_many_first_guesses() -
         T_a_b = a.between(b)
         off = off_by(rng, 0.3, 3.0)
         guess = Pose2(T_a_b.x + off.x, T_a_b.y + off.y, T_a_b.theta + off.theta)
-        result = icp(see(HALL, b, rng).points, submap, guess, NO_PRIOR, IcpConfig())
+        result = icp(see(HALL, b, rng), submap, guess, NO_PRIOR, IcpConfig())
         distances.append(result.T_target_scan.distance(T_a_b))
         turns.append(abs(wrap(result.T_target_scan.theta - T_a_b.theta)))
         assert result.inlier_ratio > 0.8
@@ -53,7 +53,7 @@ def test_the_covariance_of_a_match_covers_its_errors() -> None:
     for _ in range(60):
         a = Pose2(rng.uniform(-1, 1), rng.uniform(-2, 0), rng.uniform(-3, 3))
         T_a_b = Pose2(0.4, 0.0, 0.1)
-        result = icp(see(HALL, a @ T_a_b, rng).points, submap_at(HALL, [a], rng), T_a_b, NO_PRIOR, IcpConfig())
+        result = icp(see(HALL, a @ T_a_b, rng), submap_at(HALL, [a], rng), T_a_b, NO_PRIOR, IcpConfig())
         T = result.T_target_scan
         e = np.array([T.x - T_a_b.x, T.y - T_a_b.y, wrap(T.theta - T_a_b.theta)])
         chi2.append(float(e @ np.linalg.solve(match_covariance(result, LIDAR), e)))
@@ -67,7 +67,7 @@ def test_a_corridor_leaves_the_pose_open_along_it(heading: float) -> None:
     a = Pose2(0.0, 0.2, heading)
     submap = submap_at(CORRIDOR, [a, Pose2(-3.0, 0.1, heading), Pose2(3.0, 0.0, heading)], rng)
     T_a_b = Pose2(0.3, 0.0, 0.05)
-    result = icp(see(CORRIDOR, a @ T_a_b, rng).points, submap, T_a_b, NO_PRIOR, IcpConfig())
+    result = icp(see(CORRIDOR, a @ T_a_b, rng), submap, T_a_b, NO_PRIOR, IcpConfig())
     covariance = match_covariance(result, LIDAR)
     along = np.array([math.cos(-heading), math.sin(-heading)])
     across = np.array([-along[1], along[0]])
@@ -94,7 +94,7 @@ def test_without_overlap_nothing_matches_and_the_guess_stays() -> None:
     rng = np.random.default_rng(5)
     submap = submap_at(HALL, [Pose2()], rng)
     guess = Pose2(200.0, -100.0, 1.0)
-    result = icp(see(HALL, Pose2(), rng).points, submap, guess, NO_PRIOR, IcpConfig())
+    result = icp(see(HALL, Pose2(), rng), submap, guess, NO_PRIOR, IcpConfig())
     assert result.inlier_ratio == 0.0
     assert result.T_target_scan == guess
     np.testing.assert_array_equal(result.information, 0)
@@ -104,7 +104,8 @@ def test_without_overlap_nothing_matches_and_the_guess_stays() -> None:
 
 
 def test_a_scan_without_points_matches_nothing() -> None:
-    result = icp(np.empty((0, 2)), submap_at(HALL, [Pose2()], np.random.default_rng(6)), Pose2(), NO_PRIOR, IcpConfig())
+    empty = ScanPoints(np.empty((0, 2)), np.empty((0, 2)), Pose2())
+    result = icp(empty, submap_at(HALL, [Pose2()], np.random.default_rng(6)), Pose2(), NO_PRIOR, IcpConfig())
     assert (result.T_target_scan, result.inlier_ratio, result.residual_m) == (Pose2(), 0.0, 0.0)
 
 

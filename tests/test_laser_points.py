@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.laser_points import NEAREST_M, beam_points, normals_along, planar_mount, returns, thin, to_base
+from wayfi.frontends.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
 from wayfi.frontends.odometry import OdometryConfig, Wheels
@@ -139,26 +139,53 @@ def test_the_normals_of_a_room_are_those_of_its_walls_and_look_at_the_sensor() -
 
 def test_where_no_line_fits_there_is_no_normal() -> None:
     alone = np.array([[1.0, 0.0], [0.0, 5.0], [-7.0, 0.0]])
-    assert np.isnan(normals_along(alone, np.zeros(2), 5, 0.2)).all()
+    assert np.isnan(lines_along(alone, np.zeros(2), 0.2)[1]).all()
     blob = np.random.default_rng(1).normal([3.0, 0.0], 0.03, (40, 2))
-    assert np.isnan(normals_along(blob, np.zeros(2), 5, 0.2)).all(axis=1).mean() > 0.5
-    assert normals_along(np.empty((0, 2)), np.zeros(2), 5, 0.2).shape == (0, 2)
+    assert np.isnan(lines_along(blob, np.zeros(2), 0.2)[1]).all(axis=1).mean() > 0.5
+    assert lines_along(np.empty((0, 2)), np.zeros(2), 0.2)[1].shape == (0, 2)
 
 
 def test_far_walls_have_normals_though_their_beams_are_wide_apart() -> None:
     wall = np.stack([np.full(20, 20.0), np.arange(20) * 0.35], axis=1)
-    normals = normals_along(wall, np.zeros(2), 5, 0.2)[1:-1]
+    normals = lines_along(wall, np.zeros(2), 0.2)[1][1:-1]
     np.testing.assert_allclose(np.abs(normals), [[1.0, 0.0]] * 18, atol=1e-9)
 
 
+def walls_of_a_corridor(rng: np.random.Generator, sigma_m: float) -> Floats:
+    """(n, 2) noisy points in beam order on two walls, 1.2 m to the right and the left of the sensor, up to 8 m away."""
+    bearings = np.concatenate([np.arange(-2.35, -0.15, 0.00436), np.arange(0.15, 2.35, 0.00436)])
+    ranges = 1.2 / np.abs(np.sin(bearings)) + sigma_m * rng.standard_normal(len(bearings))
+    return ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+
+
 @settings(deadline=None)
-@given(st.integers(0, 2**31), st.integers(0, 60), st.floats(0.01, 0.5))
-def test_thinned_points_stand_apart_and_the_first_stays(seed: int, n: int, spacing_m: float) -> None:
-    points = np.random.default_rng(seed).uniform(-1, 1, (n, 2)).cumsum(axis=0) * 0.1
-    kept = thin(points, spacing_m)
-    assert (np.hypot(*np.diff(points[kept], axis=0).T) >= spacing_m).all()
-    assert (np.diff(kept) > 0).all()
-    assert kept[:1].tolist() == list(range(min(n, 1)))
+@given(st.integers(0, 2**31), st.floats(0.05, 0.3))
+def test_thinned_points_stand_as_far_apart_along_a_wall_as_asked(seed: int, spacing_m: float) -> None:
+    points = walls_of_a_corridor(np.random.default_rng(seed), 0.005)
+    normals = np.tile([0.0, -1.0], (len(points), 1))
+    kept = thin(points, normals, np.zeros(2), spacing_m)
+    assert kept[0] == 0
+    near = kept[np.abs(points[kept, 0]) < 1.0]
+    along = np.abs(np.diff(points[near, 0]))
+    assert np.median(along) == pytest.approx(spacing_m, abs=0.02)
+
+
+def test_thinning_does_not_choose_points_by_their_noise() -> None:
+    off = []
+    for seed in range(100):
+        points = walls_of_a_corridor(np.random.default_rng(seed), 0.02)
+        normals = np.tile([0.0, -1.0], (len(points), 1))
+        off.append(np.abs(points[thin(points, normals, np.zeros(2), 0.08), 1]) - 1.2)
+    off_m = np.concatenate(off)
+    assert abs(off_m.mean()) < 4 * off_m.std() / math.sqrt(len(off_m))
+
+
+def test_points_of_a_wall_are_moved_onto_it() -> None:
+    points = walls_of_a_corridor(np.random.default_rng(3), 0.02)
+    placed, normals = lines_along(points, np.zeros(2), 0.2)
+    seen = np.isfinite(normals[:, 0]) & (np.abs(points[:, 0]) < 2.0)
+    noise = (np.abs(points[seen, 1]) - 1.2).std()
+    assert (np.abs(placed[seen, 1]) - 1.2).std() < 0.6 * noise
 
 
 # Motion during a sweep

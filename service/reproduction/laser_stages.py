@@ -81,7 +81,7 @@ def _matches(pairs: Pairs, scans: dict[int, ScanPoints], poses: Floats, config: 
 
 
 def _match(a: ScanPoints, target: PointIndex, b: ScanPoints, guess: Pose2, config: IcpConfig) -> Pose2 | None:
-    result = icp(b.points, target, guess, _NO_PRIOR, config)
+    result = icp(b, target, guess, _NO_PRIOR, config)
     matching = result.inlier_ratio * len(b.points)
     wanted = MATCHING_SHARE * (len(a.points) + len(b.points)) / 2
     return result.T_target_scan if matching >= wanted and result.T_target_scan.is_finite() else None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats, Pose2, between_all
 from wayfi.backend.trajectory import Stamps, Trajectory
 from wayfi.frontends.fingerprints import Readings, usable_readings
-from wayfi.frontends.laser_points import ScanPoints, beam_points, normals_along, planar_mount, thin, to_base
+from wayfi.frontends.laser_points import ScanPoints, beam_points, planar_mount, to_base, walls_seen
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
@@ -19,7 +19,7 @@ from wayfi.service.reproduction.messages import Progress, sensor_messages
 SECOND_NS = 1_000_000_000
 SCAN_WITHIN_S = 2.0  # of its WiFi scan; the odometry carries it over
 MAX_RANGE_M, THINNING_M = 25.0, 0.08
-NORMAL_REACH, NORMAL_RADIUS_M = 5, 0.2
+NORMAL_RADIUS_M = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,10 +121,7 @@ def _scans(sensed: _Sensed, path: Trajectory, stamps_ns: Stamps, poses: Floats) 
 
 def _scan_points(scan: LaserScan, T_pose_scan: Pose2, mount: Pose2, upside_down: bool) -> ScanPoints:
     points = T_pose_scan.transform(to_base(beam_points(scan, MAX_RANGE_M)[1], mount, upside_down, None))
-    T_pose_laser = T_pose_scan @ mount
-    normals = normals_along(points, T_pose_laser.array()[:2], NORMAL_REACH, NORMAL_RADIUS_M)
-    kept = thin(points, THINNING_M)
-    return ScanPoints(points[kept], normals[kept], T_pose_laser)
+    return walls_seen(points, T_pose_scan @ mount, NORMAL_RADIUS_M, THINNING_M)
 
 
 def _nearest(sorted_ns: Stamps, stamps_ns: Stamps) -> NDArray[np.int64]:
