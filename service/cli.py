@@ -120,10 +120,11 @@ def evaluate(
 
 @app.command()
 def simulate(
-    world: Annotated[str, typer.Argument(help="carpark, office or warehouse.")],
+    world: Annotated[str, typer.Argument(help="carpark, office, warehouse or campus.")],
     out: Annotated[Path, typer.Option(help="Folder for recording.mcap and truth.tum.")],
     seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,
+    rough: Annotated[bool, typer.Option("--rough/--ideal", help="Sensors as they are, or at their best.")] = True,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -135,7 +136,7 @@ def simulate(
         if world not in list(World):
             raise typer.BadParameter(f"there is no world {world!r}; there are {', '.join(World)}")
         with output.progress(f"simulate {world}") as progress:
-            made = simulate(World(world), out, seed, minutes, progress)
+            made = simulate(World(world), out, seed, minutes, progress, rough)
         output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
         output.result(
             {

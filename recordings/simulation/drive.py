@@ -11,7 +11,6 @@ from wayfi.backend.pose2 import wrap_all
 Floats = NDArray[np.float64]
 
 STEP_M = 0.02
-CRUISE_M_S = 0.48
 TURN_RATE_RAD_S = 0.6
 ACCELERATION_M_S2 = 0.3
 ROUNDING_M = 0.6
@@ -24,13 +23,15 @@ METRES_PER_STOP = 65.0
 class RoutePlan:
     """Where to drive: through `corners` (n, 2) m from the first on, until `length_m` of path are done, in `duration_s`.
 
-    The path strays up to about `wiggle_m` from the straight lines, so that no two passes of a lane are the same.
+    The path strays up to about `wiggle_m` from the straight lines, so that no two passes of a lane are the same. Where
+    nothing is in the way the robot goes at `cruise_m_s`.
     """
 
     corners: Floats
     length_m: float
     duration_s: float
     wiggle_m: float
+    cruise_m_s: float = 0.48
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +48,10 @@ class Drive:
 
     def poses(self, time_s: Floats) -> Floats:
         """(m, 3) true T_map_base at `time_s` (m,) into the drive; it stands still before and after."""
-        at_m = np.interp(time_s, self.time_s, self.distance_m)
+        return self.at(np.interp(time_s, self.time_s, self.distance_m))
+
+    def at(self, at_m: Floats) -> Floats:
+        """(m, 3) T_map_base at `at_m` (m,) of the path."""
         x, y, theta = (np.interp(at_m, self.path_m, self.path[:, k]) for k in range(3))
         return np.stack([x, y, wrap_all(theta)], axis=1)
 
@@ -65,7 +69,7 @@ def drive(plan: RoutePlan, rng: np.random.Generator) -> Drive:
     """Drives `plan`; the stops are where `rng` has them, and long enough to end at the planned duration."""
     path_m, path = _rounded(plan, rng)
     stops = _stops(len(path_m), plan.length_m, rng)
-    moving_s = _times(_speeds(path_m, path[:, 2], stops))
+    moving_s = _times(_speeds(path_m, path[:, 2], stops, plan.cruise_m_s))
     weights = rng.uniform(0.3, 1.7, len(stops))
     pauses = weights / weights.sum() * max(plan.duration_s - FIRST_STOP_S - moving_s[-1], 0.0)
     return _with_pauses(path_m, path, moving_s, np.r_[0, stops], np.r_[FIRST_STOP_S, pauses])
@@ -99,10 +103,10 @@ def _stops(steps: int, length_m: float, rng: np.random.Generator) -> NDArray[np.
     return (spread * steps).astype(np.int64)
 
 
-def _speeds(path_m: Floats, theta: Floats, stops: NDArray[np.int64]) -> Floats:
+def _speeds(path_m: Floats, theta: Floats, stops: NDArray[np.int64], cruise_m_s: float) -> Floats:
     """(k,) speed in m/s at each step of the path: at rest at the ends and the stops, within the bounds in between."""
     curvature = np.abs(np.gradient(theta, path_m))
-    limit = np.minimum(CRUISE_M_S, TURN_RATE_RAD_S / np.maximum(curvature, 1e-9)) ** 2
+    limit = np.minimum(cruise_m_s, TURN_RATE_RAD_S / np.maximum(curvature, 1e-9)) ** 2
     limit[[0, -1]] = 0.0
     limit[stops] = 0.0
     gain = 2 * ACCELERATION_M_S2 * STEP_M

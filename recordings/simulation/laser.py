@@ -1,6 +1,7 @@
 """A planar LiDAR: every face is drawn into the beams that it covers, the nearest face wins."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -14,71 +15,204 @@ Floats = NDArray[np.float64]
 BEAMS = 1081
 ANGLE_MIN = math.radians(-135.0)
 ANGLE_INCREMENT = math.radians(0.25)
-RANGE_MIN_M = 0.06
-RANGE_MAX_M = 20.0
+
 SIGMA_M = 0.01
 SIGMA_PER_M = 0.001
 RESOLUTION_M = 0.001
 
-SEAM_BEAMS = 1e-9  # so that no beam slips through where two faces meet
+SEAM = 1e-9  # beams, or shares of a face: so that no beam slips through where two faces meet
 
 
-def scans(surfaces: Surfaces, poses: Floats, time_s: Floats, rng: np.random.Generator) -> NDArray[np.float32]:
-    """(n, 1081) measured ranges (m, inf for no return) of a laser at `poses` (n, 3) and `time_s` (n,), with noise."""
-    exact = ranges(surfaces, poses, time_s)
+@dataclass(frozen=True, slots=True)
+class LaserSpec:
+    """What a laser is: `beams`, the first at `angle_min`, `angle_increment` (rad) apart, a scan every `period_ns`.
+
+    Its mirror turns once in `turn_s`, so that is how far apart in time its beams are. Half of the beams that meet a
+    white sheet at `reach_m` come back.
+    """
+
+    beams: int
+    angle_min: float
+    angle_increment: float
+    range_min_m: float
+    range_max_m: float
+    period_ns: int
+    turn_s: float
+    reach_m: float
+
+    @property
+    def time_increment_s(self) -> float:
+        """Seconds from one beam to the next."""
+        return self.turn_s * self.angle_increment / (2 * math.pi)
+
+    @property
+    def sweep_s(self) -> float:
+        """Seconds from the first beam to the last."""
+        return (self.beams - 1) * self.time_increment_s
+
+    @property
+    def bearings(self) -> Floats:
+        """(beams,) rad."""
+        return np.asarray(self.angle_min + self.angle_increment * np.arange(self.beams), np.float64)
+
+
+UST_20LX = LaserSpec(BEAMS, ANGLE_MIN, ANGLE_INCREMENT, 0.06, 20.0, 100_000_000, turn_s=0.025, reach_m=60.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sweeps:
+    """(n,) sweeps that begin at `time_s`, the laser at `first` (n, 3), and end `lasting_s` later, it at `last` (n, 3).
+
+    It moves evenly in between.
+    """
+
+    time_s: Floats
+    first: Floats
+    last: Floats
+    lasting_s: float
+
+
+def at_once(poses: Floats, time_s: Floats) -> Sweeps:
+    """Sweeps that take no time, from `poses` (n, 3) at `time_s` (n,)."""
+    return Sweeps(time_s, poses, poses, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hits:
+    """(n, beams) what each beam meets first: `range_m` (inf: nothing), the cosine of its `incidence`, its `material`.
+
+    The incidence is 1 for a beam that meets the face at a right angle, and 0 for one that runs along it.
+    """
+
+    range_m: Floats
+    incidence: Floats
+    material: NDArray[np.int8]
+
+
+def scans(
+    surfaces: Surfaces, poses: Floats, time_s: Floats, rng: np.random.Generator, spec: LaserSpec = UST_20LX
+) -> NDArray[np.float32]:
+    """(n, beams) ranges (m, inf for no return) that an ideal laser measures at `poses` (n, 3) and `time_s` (n,)."""
+    exact = ranges(surfaces, poses, time_s, spec)
     noise = rng.standard_normal(exact.shape, dtype=np.float32)
-    measured = exact + noise * (SIGMA_M + SIGMA_PER_M * np.where(np.isfinite(exact), exact, 0.0))
+    return reported(exact + noise * (SIGMA_M + SIGMA_PER_M * np.where(np.isfinite(exact), exact, 0.0)), spec)
+
+
+def reported(measured: Floats, spec: LaserSpec) -> NDArray[np.float32]:
+    """Ranges as the laser reports them: in whole millimetres, inf out of its range."""
     measured = np.round(measured / RESOLUTION_M) * RESOLUTION_M
-    measured[~((measured >= RANGE_MIN_M) & (measured <= RANGE_MAX_M))] = np.inf
+    measured[~((measured >= spec.range_min_m) & (measured <= spec.range_max_m))] = np.inf
     return measured.astype(np.float32)
 
 
-def ranges(surfaces: Surfaces, poses: Floats, time_s: Floats) -> Floats:
-    """(n, 1081) exact distances (m, inf beyond the range) to the nearest face from `poses` (n, 3) at `time_s` (n,)."""
-    bearings = ANGLE_MIN + ANGLE_INCREMENT * np.arange(BEAMS)
-    out = np.full((len(poses), BEAMS), np.inf)
+def ranges(surfaces: Surfaces, poses: Floats, time_s: Floats, spec: LaserSpec = UST_20LX) -> Floats:
+    """(n, beams) exact distances (m, inf beyond the range) to the nearest face from `poses` (n, 3) at `time_s` (n,)."""
+    return hits(surfaces, at_once(poses, time_s), spec).range_m
+
+
+def hits(surfaces: Surfaces, sweeps: Sweeps, spec: LaserSpec) -> Hits:
+    """What the beams of `sweeps` meet, each cast from where the laser is, and past what stands where, at its moment."""
+    shape = (len(sweeps.time_s), spec.beams)
+    range_m, incidence, face = np.full(shape, np.inf), np.ones(shape), np.full(shape, -1)
+    near = surfaces.around(
+        np.vstack([sweeps.first, sweeps.last])[:, :2],
+        spec.range_max_m,
+        sweeps.time_s.min(),
+        sweeps.time_s.max() + sweeps.lasting_s,
+    )
     _draw_all(
-        surfaces.ends, surfaces.since_s, surfaces.until_s, surfaces.velocity_xy,
-        poses, time_s, np.cos(bearings), np.sin(bearings), out,
+        near.ends, near.since_s, near.until_s, near.velocity_xy,
+        sweeps.time_s, sweeps.first, sweeps.last, sweeps.lasting_s,
+        np.cos(spec.bearings), np.sin(spec.bearings), spec.angle_min, spec.angle_increment, spec.range_max_m,
+        range_m, incidence, face,
     )  # fmt: skip
-    out[out > RANGE_MAX_M] = np.inf
-    return out
+    range_m[range_m > spec.range_max_m] = np.inf
+    return Hits(range_m, incidence, np.r_[near.material, np.int8(0)][face])
 
 
 @njit(cache=True)
 def _draw_all(
     ends: Floats, since_s: Floats, until_s: Floats, velocity_xy: Floats,
-    poses: Floats, time_s: Floats, cos_b: Floats, sin_b: Floats, out: Floats,
+    time_s: Floats, first: Floats, last: Floats, lasting_s: float,
+    cos_b: Floats, sin_b: Floats, angle_min: float, increment: float, range_max_m: float,
+    range_m: Floats, incidence: Floats, face: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    for j in range(len(poses)):
-        x, y = poses[j, 0], poses[j, 1]
-        c, s = math.cos(poses[j, 2]), math.sin(poses[j, 2])
+    directions = np.empty((len(cos_b), 2))
+    for j in range(len(time_s)):
+        x, y = first[j, 0], first[j, 1]
+        c, s = math.cos(first[j, 2]), math.sin(first[j, 2])
+        gone_x, gone_y = last[j, 0] - x, last[j, 1] - y
+        turn = (last[j, 2] - first[j, 2] + math.pi) % (2 * math.pi) - math.pi
+        _aim(cos_b, sin_b, turn, directions)
         for i in range(len(ends)):
             if not (since_s[i] <= time_s[j] < until_s[i]):
                 continue
             x1, y1, x2, y2 = ends[i, 0] - x, ends[i, 1] - y, ends[i, 2] - x, ends[i, 3] - y
+            past_x, past_y = gone_x, gone_y
             if velocity_xy[i, 0] != 0.0 or velocity_xy[i, 1] != 0.0:
                 dx, dy = velocity_xy[i] * (time_s[j] - since_s[i])
                 x1, y1, x2, y2 = x1 + dx, y1 + dy, x2 + dx, y2 + dy
-            if min(x1, x2) > RANGE_MAX_M or max(x1, x2) < -RANGE_MAX_M:
+                past_x, past_y = gone_x - velocity_xy[i, 0] * lasting_s, gone_y - velocity_xy[i, 1] * lasting_s
+            if min(x1, x2) > range_max_m or max(x1, x2) < -range_max_m:
                 continue
-            if min(y1, y2) > RANGE_MAX_M or max(y1, y2) < -RANGE_MAX_M:
+            if min(y1, y2) > range_max_m or max(y1, y2) < -range_max_m:
                 continue
-            _draw(c * x1 + s * y1, c * y1 - s * x1, c * x2 + s * y2, c * y2 - s * x2, cos_b, sin_b, out[j])
+            _draw(
+                c * x1 + s * y1, c * y1 - s * x1, c * x2 + s * y2, c * y2 - s * x2,
+                c * past_x + s * past_y, c * past_y - s * past_x, turn,
+                angle_min, increment, directions, i, range_m[j], incidence[j], face[j],
+            )  # fmt: skip
 
 
 @njit(cache=True)
-def _draw(x1: float, y1: float, x2: float, y2: float, cos_b: Floats, sin_b: Floats, out: Floats) -> None:
-    """Lowers `out` where the face from (x1, y1) to (x2, y2), in the laser's frame, is nearer."""
+def _aim(cos_b: Floats, sin_b: Floats, turn: float, directions: Floats) -> None:
+    """Fills `directions` with those of the beams, in the laser's frame at the first, if it turns by `turn` to the last.
+
+    A sum of angles: with no turn the directions are `cos_b`, `sin_b` to the last bit.
+    """
+    step_c, step_s = math.cos(turn / (len(cos_b) - 1)), math.sin(turn / (len(cos_b) - 1))
+    c, s = 1.0, 0.0
+    for b in range(len(cos_b)):
+        directions[b, 0], directions[b, 1] = cos_b[b] * c - sin_b[b] * s, sin_b[b] * c + cos_b[b] * s
+        c, s = c * step_c - s * step_s, s * step_c + c * step_s
+
+
+@njit(cache=True)
+def _draw(
+    x1: float, y1: float, x2: float, y2: float, past_x: float, past_y: float, turn: float,
+    angle_min: float, increment: float, directions: Floats,
+    index: int, range_m: Floats, incidence: Floats, face: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Enters the face from (x1, y1) to (x2, y2), in the laser's frame at the first beam, where it is the nearest.
+
+    The laser goes by (past_x, past_y), as seen from the face, and turns by `turn` until the last beam.
+    """
     dx, dy = x2 - x1, y2 - y1
+    length_sq = dx * dx + dy * dy
     cross = x1 * dy - y1 * dx
     start, end = (math.atan2(y1, x1), math.atan2(y2, x2)) if cross > 0 else (math.atan2(y2, x2), math.atan2(y1, x1))
     if end < start:
         end += 2 * math.pi
-    for turn in (0.0, -2 * math.pi):
-        first = max(math.ceil((start + turn - ANGLE_MIN) / ANGLE_INCREMENT - SEAM_BEAMS), 0)
-        last = min(math.floor((end + turn - ANGLE_MIN) / ANGLE_INCREMENT + SEAM_BEAMS), len(out) - 1)
+    gone_sq = past_x * past_x + past_y * past_y
+    moves = gone_sq > 0.0 or turn != 0.0
+    slack = 0.0
+    if moves:
+        nearest_sq = max(min(x1 * x1 + y1 * y1, x2 * x2 + y2 * y2), gone_sq)
+        slack = abs(turn) + 1.6 * math.sqrt(gone_sq / nearest_sq)
+    for full_turn in (0.0, -2 * math.pi):
+        first = max(math.ceil((start - slack + full_turn - angle_min) / increment - SEAM), 0)
+        last = min(math.floor((end + slack + full_turn - angle_min) / increment + SEAM), len(range_m) - 1)
         for b in range(first, last + 1):
-            across = cos_b[b] * dy - sin_b[b] * dx
-            if across != 0.0:
-                out[b] = min(out[b], cross / across)
+            done = b / (len(range_m) - 1)
+            from_x, from_y = x1 - done * past_x, y1 - done * past_y
+            across = directions[b, 0] * dy - directions[b, 1] * dx
+            if across == 0.0:
+                continue
+            r = (from_x * dy - from_y * dx) / across
+            if r >= range_m[b]:
+                continue
+            if moves:
+                along = ((r * directions[b, 0] - from_x) * dx + (r * directions[b, 1] - from_y) * dy) / length_sq
+                if r <= 0.0 or along < -SEAM or along > 1.0 + SEAM:
+                    continue
+            range_m[b], incidence[b], face[b] = r, abs(across) / math.sqrt(length_sq), index

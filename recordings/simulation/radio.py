@@ -26,6 +26,7 @@ EXPONENT = (2.8, 3.6)
 WALLS_DB = (2.0, 26.0)
 BUILDING_DB_PER_M = (1.15, 1.85)
 HALL_DB_PER_M = 0.1
+CORRIDOR_DB_PER_M = (0.4, 0.7)
 HOTSPOT_WALLS_DB = 8.0
 HOTSPOT_STEP_M = 12.0
 AGE_MEDIAN_S = 1.8
@@ -42,7 +43,7 @@ class RadioPlan:
     """How many sites (places with one or more access points) there are, and where.
 
     `inside` is the building's x_min, y_min, x_max, y_max (m); the outside sites stand up to `margin_m` around and
-    above it, the hotspots walk there and inside.
+    above it, the hotspots walk there and inside. Those of `corridor_xy` (m) hang from the ceiling of a corridor there.
     """
 
     inside: tuple[float, float, float, float]
@@ -50,6 +51,12 @@ class RadioPlan:
     margin_m: float
     outside_sites: int
     hotspots: int
+    corridor_xy: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def fixed(self) -> int:
+        """How many sites do not walk."""
+        return self.inside_sites + self.outside_sites + len(self.corridor_xy)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +91,10 @@ class Ether:
 def draw_ether(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Ether:
     """Random sites after `plan` and the BSSIDs on them, for a drive of `duration_s`."""
     sites = _draw_sites(plan, duration_s, rng)
-    fixed = plan.inside_sites + plan.outside_sites
-    networks = np.r_[rng.integers(1, 5, fixed), np.ones(plan.hotspots, int)]
+    networks = np.r_[rng.integers(1, 5, plan.fixed), np.ones(plan.hotspots, int)]
     site = np.repeat(np.arange(len(networks)), networks)
     bssids = _addresses(networks, rng)
-    names = np.r_[np.repeat("net", fixed), np.repeat("phone", plan.hotspots)]
+    names = np.r_[np.repeat("net", plan.fixed), np.repeat("phone", plan.hotspots)]
     return Ether(
         sites,
         site,
@@ -100,11 +106,12 @@ def draw_ether(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> 
 
 
 def _draw_sites(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Sites:
-    count = plan.inside_sites + plan.outside_sites + plan.hotspots
+    count = plan.fixed + plan.hotspots
     length = rng.uniform(*SHADOWING_LENGTH_M, count)
     walls_db = np.r_[
         np.zeros(plan.inside_sites),
         rng.uniform(*WALLS_DB, plan.outside_sites),
+        np.zeros(len(plan.corridor_xy)),
         np.full(plan.hotspots, HOTSPOT_WALLS_DB),
     ]
     return Sites(
@@ -121,17 +128,19 @@ def _draw_sites(plan: RadioPlan, duration_s: float, rng: np.random.Generator) ->
 def _fall_db_per_m(plan: RadioPlan, rng: np.random.Generator) -> Floats:
     """(s,) dB that a metre of the way takes, beyond the spreading."""
     inside, hotspots = (np.full(count, HALL_DB_PER_M) for count in (plan.inside_sites, plan.hotspots))
-    return np.concatenate([inside, rng.uniform(*BUILDING_DB_PER_M, plan.outside_sites), hotspots])
+    outside = rng.uniform(*BUILDING_DB_PER_M, plan.outside_sites)
+    return np.concatenate([inside, outside, rng.uniform(*CORRIDOR_DB_PER_M, len(plan.corridor_xy)), hotspots])
 
 
 def _knots(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Floats:
-    """(s, k, 3) places: first the sites inside, then those outside, then the hotspots, who walk from knot to knot."""
+    """(s, k, 3) places: the sites inside, outside, in corridors, then the hotspots, who walk from knot to knot."""
     count = int(duration_s // KNOT_S) + 2
     low, high = np.array(plan.inside[:2]), np.array(plan.inside[2:])
     inside = rng.uniform(low, high, (plan.inside_sites, 2))
     outside = rng.uniform(low - plan.margin_m, high + plan.margin_m, (plan.outside_sites, 2))
-    xy = np.vstack([inside, outside])
-    height = np.r_[np.full(len(inside), 2.5), rng.uniform(3.0, 12.0, len(outside))]
+    corridor = np.reshape(plan.corridor_xy, (-1, 2))
+    xy = np.vstack([inside, outside, corridor])
+    height = np.r_[np.full(len(inside), 2.5), rng.uniform(3.0, 12.0, len(outside)), np.full(len(corridor), 2.5)]
     fixed = np.repeat(np.column_stack([xy, height])[:, None], count, axis=1)
     steps = rng.normal(0.0, HOTSPOT_STEP_M, (plan.hotspots, count, 2))
     walks = rng.uniform(low, high, (plan.hotspots, 1, 2)) + steps.cumsum(axis=1)

@@ -42,13 +42,14 @@ def simulate(
     seed: int = 0,
     minutes: float | None = None,
     progress: Callable[[float], None] = _ignore,
+    rough: bool = True,
 ) -> SimulatedRecording:
     """Writes recording.mcap and truth.tum, of base_link at each odometry stamp, into `out_dir`; made if need be.
 
-    The drive through `world` is cut after `minutes` (None: full length). The same `world`, `seed` and `minutes` give
-    the same bytes. `progress` is called with the fraction done, 0 to 1, once a simulated second.
+    The drive through `world` is cut after `minutes` (None: full length); Run says what is `rough` about it. The same
+    arguments give the same bytes. `progress` is called with the fraction done, 0 to 1, once a simulated second.
     """
-    run = start(world, seed, minutes)
+    run = start(world, seed, minutes, rough)
     out_dir.mkdir(parents=True, exist_ok=True)
     recording, truth = out_dir / "recording.mcap", out_dir / "truth.tum"
     write_tum(truth, run.truth.stamps_ns, run.truth.poses)

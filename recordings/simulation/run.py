@@ -5,7 +5,7 @@ Every part draws from a random stream of its own, so that a change to one sensor
 
 import heapq
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,50 +21,70 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.recordings.simulation import laser, radio, wheels
+from wayfi.recordings.simulation import laser, radio, returns, wheels
 from wayfi.recordings.simulation.drive import Drive, drive
-from wayfi.recordings.simulation.surfaces import Surfaces
-from wayfi.recordings.simulation.worlds import BLUEPRINTS, World
+from wayfi.recordings.simulation.people import people
+from wayfi.recordings.simulation.roughness import roughened
+from wayfi.recordings.simulation.surfaces import Surfaces, join
+from wayfi.recordings.simulation.worlds import BLUEPRINTS, Blueprint, World
 
 EPOCH_NS = 1_700_000_000_000_000_000
 ODOM_PERIOD_NS = 100_000_000
-SCAN_PERIOD_NS, SCAN_DELAY_NS = 100_000_000, 30_000_000
+SCAN_DELAY_NS = 30_000_000
 WIFI_PERIOD_NS, WIFI_DELAYS_NS = 2_000_000_000, (70_000_000, 1_070_000_000)
 T_BASE_LASER = Pose2(0.2, 0.0, 0.0)
 LASER_HEIGHT_M = 0.25
 SCANS_AT_ONCE = 100
 
+Stamps = NDArray[np.int64]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What happens in the first `length_ns` of a drive; `truth` has base_link's pose at each odometry stamp."""
+    """What happens in the first `length_ns` of a drive; `truth` has base_link's pose at each odometry stamp.
+
+    In a `rough` run a sweep takes its time, walls are bumpy, some of glass or black, people walk about, beams fail or
+    mix, and wheels slip; in an ideal one a sweep takes no time, and there is noise alone.
+    """
 
     seed: int
+    rough: bool
     length_ns: int
     drive: Drive
     surfaces: Surfaces
+    laser: laser.LaserSpec
     wheels: wheels.Wheels
     ether: radio.Ether
     phones: tuple[radio.Phone, ...]
     truth: Trajectory
 
 
-def start(world: World, seed: int, minutes: float | None = None) -> Run:
-    """The run through `world` that `seed` gives, cut after `minutes` (None: all of it)."""
+def start(world: World, seed: int, minutes: float | None = None, rough: bool = True) -> Run:
+    """The run through `world` that `seed` gives, cut after `minutes` (None: all of it), rough or ideal."""
     blueprint = BLUEPRINTS[world]
     way = drive(blueprint.route, stream(seed, "drive"))
     length_ns = int(min(way.duration_s, np.inf if minutes is None else minutes * 60) * 1e9)
     stamps = EPOCH_NS + np.arange(0, length_ns + 1, ODOM_PERIOD_NS)
     return Run(
         seed,
+        rough,
         length_ns,
         way,
-        blueprint.surfaces(way, stream(seed, "surfaces")),
+        _surfaces(blueprint, way, seed, rough),
+        blueprint.laser,
         wheels.draw_wheels(stream(seed, "wheels")),
         radio.draw_ether(blueprint.radio, way.duration_s, stream(seed, "ether")),
         radio.draw_phones(stream(seed, "phones")),
         Trajectory(stamps, way.poses(_seconds(stamps))),
     )
+
+
+def _surfaces(blueprint: Blueprint, way: Drive, seed: int, rough: bool) -> Surfaces:
+    ideal = blueprint.surfaces(way, stream(seed, "surfaces"))
+    if not rough:
+        return ideal
+    walking = people(way, blueprint.aisle_m, stream(seed, "people"))
+    return join([roughened(ideal, stream(seed, "roughness")), walking])
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -80,23 +100,42 @@ def measurements(run: Run) -> Iterator[Measurement]:
 
 def odometry(run: Run) -> Iterator[Odometry]:
     """What the wheels say."""
-    poses = wheels.odometry(run.truth.poses, ODOM_PERIOD_NS / 1e9, run.wheels, stream(run.seed, "odometry"))
+    truth = run.truth.poses
+    slips = wheels.draw_slips(truth, stream(run.seed, "slips")) if run.rough else wheels.no_slips(len(truth) - 1)
+    poses = wheels.odometry(truth, ODOM_PERIOD_NS / 1e9, run.wheels, slips, stream(run.seed, "odometry"))
     for stamp_ns, pose in zip(run.truth.stamps_ns.tolist(), poses, strict=True):
         yield Odometry(stamp_ns, Pose2.of(pose))
 
 
 def scans(run: Run) -> Iterator[LaserScan]:
-    """What the laser sees; a sweep takes no time."""
-    rng = stream(run.seed, "laser")
-    stamps = EPOCH_NS + np.arange(SCAN_DELAY_NS, run.length_ns + 1, SCAN_PERIOD_NS)
-    for first in range(0, len(stamps), SCANS_AT_ONCE):
-        batch = stamps[first : first + SCANS_AT_ONCE]
+    """What the laser sees."""
+    spec = run.laser
+    time_increment_s = spec.time_increment_s if run.rough else 0.0
+    stamps = EPOCH_NS + np.arange(SCAN_DELAY_NS, run.length_ns + 1, spec.period_ns)
+    batches = (stamps[first : first + SCANS_AT_ONCE] for first in range(0, len(stamps), SCANS_AT_ONCE))
+    for batch, ranges in _swept(run, batches):
+        for stamp_ns, sweep in zip(batch.tolist(), ranges, strict=True):
+            angles, limits = (spec.angle_min, spec.angle_increment), (spec.range_min_m, spec.range_max_m)
+            yield LaserScan(stamp_ns, "laser", sweep, *angles, *limits, time_increment_s)
+
+
+def _swept(run: Run, batches: Iterable[Stamps]) -> Iterator[tuple[Stamps, NDArray[np.float32]]]:
+    """The stamps and the ranges (n, beams) of each batch of sweeps."""
+    noise, luck = stream(run.seed, "laser"), stream(run.seed, "returns")
+    for batch in batches:
         time_s = _seconds(batch)
-        poses = compose_all(run.drive.poses(time_s), T_BASE_LASER.array())
-        for stamp_ns, ranges in zip(batch.tolist(), laser.scans(run.surfaces, poses, time_s, rng), strict=True):
-            yield LaserScan(
-                stamp_ns, "laser", ranges, laser.ANGLE_MIN, laser.ANGLE_INCREMENT, laser.RANGE_MIN_M, laser.RANGE_MAX_M
-            )
+        if not run.rough:
+            yield batch, laser.scans(run.surfaces, _laser_poses(run, time_s), time_s, noise, run.laser)
+            continue
+        sweep_s, shape = run.laser.sweep_s, (len(batch), run.laser.beams)
+        sweeps = laser.Sweeps(time_s, _laser_poses(run, time_s), _laser_poses(run, time_s + sweep_s), sweep_s)
+        normal = noise.standard_normal(shape, dtype=np.float32)
+        uniform = luck.random((shape[0], returns.LUCK, shape[1]), dtype=np.float32)
+        yield batch, returns.scans(run.surfaces, sweeps, run.laser, normal, uniform)
+
+
+def _laser_poses(run: Run, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    return compose_all(run.drive.poses(time_s), T_BASE_LASER.array())
 
 
 def wifi_scans(run: Run) -> Iterator[WifiScan]:
@@ -115,7 +154,7 @@ def _stamp_ns(measurement: Measurement) -> int:
     return measurement.stamp_ns
 
 
-def _seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+def _seconds(stamps_ns: Stamps) -> NDArray[np.float64]:
     """Seconds into the drive."""
     return np.asarray((stamps_ns - EPOCH_NS) / 1e9)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +12,27 @@ from wayfi.backend.pose2 import Pose2
 Floats = NDArray[np.float64]
 
 
+class Material(IntEnum):
+    """What a face is made of: plaster and the like, black paint, or glass."""
+
+    PLAIN = 0
+    BLACK = 1
+    GLASS = 2
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:
     """Faces `ends` (n, 4) x1, y1, x2, y2 (m), there while `since_s` <= t < `until_s` (n,), t from the drive's start.
 
     A face moves by `velocity_xy` (n, 2) m/s; `ends` are where it is at `since_s` (a still face may have any).
+    `material` (n,) holds values of Material.
     """
 
     ends: Floats
     since_s: Floats
     until_s: Floats
     velocity_xy: Floats
+    material: NDArray[np.int8]
 
     def at(self, time_s: float) -> Floats:
         """(m, 4) ends of the faces that are there at `time_s`."""
@@ -30,17 +41,40 @@ class Surfaces:
         shift: Floats = self.velocity_xy * elapsed[:, None]
         return (self.ends + np.hstack([shift, shift]))[there]
 
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """(n,) whether each face moves."""
+        return np.asarray((self.velocity_xy != 0.0).any(axis=1))
+
+    def where(self, chosen: NDArray[np.bool_]) -> "Surfaces":
+        """The `chosen` (n,) faces, in their order."""
+        return Surfaces(
+            self.ends[chosen],
+            self.since_s[chosen],
+            self.until_s[chosen],
+            self.velocity_xy[chosen],
+            self.material[chosen],
+        )
+
+    def around(self, xy: Floats, reach_m: float, since_s: float, until_s: float) -> "Surfaces":
+        """The faces that may be within `reach_m` of one of `xy` (k, 2) at some time in [`since_s`, `until_s`]."""
+        there = (self.since_s <= until_s) & (self.until_s > since_s)
+        low, high = xy.min(axis=0) - reach_m, xy.max(axis=0) + reach_m
+        x, y = self.ends[:, [0, 2]], self.ends[:, [1, 3]]
+        near = (x.min(axis=1) < high[0]) & (x.max(axis=1) > low[0]) & (y.min(axis=1) < high[1])
+        return self.where(there & ((near & (y.max(axis=1) > low[1])) | self.moves))
+
 
 def still(ends: Floats, since_s: float = -np.inf, until_s: float = np.inf) -> Surfaces:
-    """Faces `ends` (n, 4) that do not move, there in [`since_s`, `until_s`)."""
-    n = len(ends)
-    return Surfaces(ends, np.full(n, since_s), np.full(n, until_s), np.zeros((n, 2)))
+    """Plain faces `ends` (n, 4) that do not move, there in [`since_s`, `until_s`)."""
+    return moving(ends, since_s, until_s, (0.0, 0.0))
 
 
 def moving(ends: Floats, since_s: float, until_s: float, velocity_xy: tuple[float, float]) -> Surfaces:
-    """Faces `ends` (n, 4) at `since_s`, all moving by `velocity_xy` (m/s) until they are gone at `until_s`."""
+    """Plain faces `ends` (n, 4) at `since_s`, all moving by `velocity_xy` (m/s) until they are gone at `until_s`."""
     n = len(ends)
-    return Surfaces(ends, np.full(n, since_s), np.full(n, until_s), np.tile(np.array(velocity_xy), (n, 1)))
+    velocities = np.tile(np.array(velocity_xy), (n, 1))
+    return Surfaces(ends, np.full(n, since_s), np.full(n, until_s), velocities, np.zeros(n, np.int8))
 
 
 def join(parts: Sequence[Surfaces]) -> Surfaces:
@@ -50,6 +84,7 @@ def join(parts: Sequence[Surfaces]) -> Surfaces:
         np.concatenate([p.since_s for p in parts]),
         np.concatenate([p.until_s for p in parts]),
         np.concatenate([p.velocity_xy for p in parts]),
+        np.concatenate([p.material for p in parts]),
     )
 
 

@@ -6,8 +6,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from wayfi.recordings.simulation import carpark, office, warehouse
+from wayfi.recordings.simulation import campus, carpark, office, warehouse
 from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.laser import UST_20LX, LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces
 
@@ -18,19 +19,26 @@ class World(StrEnum):
     CARPARK = "carpark"
     OFFICE = "office"
     WAREHOUSE = "warehouse"
+    CAMPUS = "campus"
 
 
 @dataclass(frozen=True, slots=True)
 class Blueprint:
-    """What makes a world: where the robot drives, what its laser sees, what its phones hear."""
+    """What makes a world: where the robot drives, what its laser is and sees, what its phones hear.
+
+    People walk up to `aisle_m` beside the robot's path.
+    """
 
     route: RoutePlan
     radio: RadioPlan
     surfaces: Callable[[Drive, np.random.Generator], Surfaces]
+    aisle_m: float
+    laser: LaserSpec = UST_20LX
 
 
 BLUEPRINTS = {
-    World.CARPARK: Blueprint(carpark.ROUTE, carpark.RADIO, carpark.surfaces),
-    World.OFFICE: Blueprint(office.ROUTE, office.RADIO, office.surfaces),
-    World.WAREHOUSE: Blueprint(warehouse.ROUTE, warehouse.RADIO, warehouse.surfaces),
+    World.CARPARK: Blueprint(carpark.ROUTE, carpark.RADIO, carpark.surfaces, aisle_m=1.6),
+    World.OFFICE: Blueprint(office.ROUTE, office.RADIO, office.surfaces, aisle_m=0.65),
+    World.WAREHOUSE: Blueprint(warehouse.ROUTE, warehouse.RADIO, warehouse.surfaces, aisle_m=0.6),
+    World.CAMPUS: Blueprint(campus.ROUTE, campus.RADIO, campus.surfaces, aisle_m=0.65, laser=campus.LASER),
 }
