@@ -1,23 +1,27 @@
-"""Scans at poses -> occupancy grid, in log-odds, ray by ray.
+"""Scans at poses -> occupancy grid, submap by submap: what a correction moved is drawn anew, the rest is kept.
 
-The inverse sensor model is OctoMap's (Hornung et al. 2013, section 3.2): a fixed step up where a ray ends, a fixed
-step down where it passes, clamped. Within one scan a cell moves once, and a hit wins over a ray that passes
-(section 5.1 there): otherwise the rays that graze a wall would erase it.
+Some keyframes in a row are a submap; its scans are drawn into a patch of cells of the map, at their present poses.
+Patches weigh in one after the other, in the order of the drive, so that what was seen last wins.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from wayfi.backend.grid_drawing import Floats, GridScan, Points, draw_patch
+from wayfi.backend.grid_patch import NOWHERE, Patch, Window, around
+from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.options import option
+from wayfi.backend.pose2 import wrap_all
 
-Floats = NDArray[np.float64]
-Points = NDArray[np.float32] | NDArray[np.float64]
+SUBMAP_KEYFRAMES = 20
+MOVED_CELLS = 0.8  # by which the rays of a scan end elsewhere where its submap is drawn anew; less is not seen
+REDRAWN_AT_ONCE = 5  # submaps that moved: 100 scans, 20 ms
+REDRAW_KEYFRAMES = 10  # between two redraws, at least: 5 m
+CELLS_A_KEYFRAME = 100_000  # of map, or ten times as many weighed in: so much of a redraw a keyframe pays for
+SLACK = 200  # cells to grow into
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,181 +30,132 @@ class MapConfig:
 
     resolution_m: float = option(0.05, "m", "Nav2's and slam_toolbox's default; a door frame is two cells")
     max_range_m: float = option(30.0, "m", "a UST-20LX's reach; beyond it a beam is wider than two cells")
-    hit_log_odds: float = option(0.85, "", "p = 0.70, OctoMap's; one hit is occupied (0.65)")
-    miss_log_odds: float = option(-0.4, "", "p = 0.40, OctoMap's; three passes are free (0.25), two undo one hit")
-    min_log_odds: float = option(-2.0, "", "OctoMap's clamp: four hits turn a cell that was free for long")
-    max_log_odds: float = option(3.5, "", "OctoMap's clamp: what moved away is gone after a dozen passes")
-    occupied_probability: float = option(0.65, "", "Nav2's occupied_thresh")
-    free_probability: float = option(0.25, "", "Nav2's free_thresh")
-    clear_no_return: bool = option(False, "", "glass and black paint give no return either, and are not free space")
+    occupied_probability: float = option(0.65, "", "Nav2's occupied_thresh; one hit more than passes deny")
+    free_probability: float = option(0.25, "", "Nav2's free_thresh; three passes")
     margin_m: float = option(1.0, "m", "unknown cells around what was seen, so that a planner sees the map's end")
-    max_cells: int = option(30_000_000, "cells", "150 MB while drawing; 270 x 270 m at 5 cm, then coarser")
+    max_cells: int = option(30_000_000, "cells", "30 MB, and as much again to draw; 270 x 270 m at 5 cm, then coarser")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GridScan:
-    """One scan in base_link: `hits` (m, 2) m, where its rays ended, seen from `sensor_xy_m`.
+class GridMap:
+    """The grid of a drive: give it each keyframe's scan, and redraw it at the poses of the moment."""
 
-    `no_returns` (k, 2) m are points on the rays that met nothing, as far out as they are known to be empty; used with
-    `clear_no_return` alone. Points that are not finite are passed over.
-    """
+    def __init__(self, config: MapConfig) -> None:
+        self._config = config
+        self._cell_m = config.resolution_m
+        self._scans: list[GridScan] = []
+        self._patches: list[Patch] = []
+        self._drawn = np.full((64, 3), np.nan)  # the pose at which each scan is drawn
+        self._reach_m = np.zeros((64, 2))  # how far from base_link the rays of each scan end: root mean square, at most
+        self._base = Patch(NOWHERE)  # all full submaps, weighed in
+        self._in_base = 0
+        self._fresh, self._due_after = 0, REDRAW_KEYFRAMES
 
-    hits: Points
-    sensor_xy_m: tuple[float, float] = (0.0, 0.0)
-    no_returns: Points = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    def add(self, hits: Points, sensor_xy_m: tuple[float, float] = (0.0, 0.0)) -> None:
+        """The scan of the next keyframe: `hits` (m, 2) m in base_link, none where it has no scan; see GridScan."""
+        number = len(self._scans)
+        if number == len(self._drawn):
+            self._drawn, self._reach_m = (np.resize(a, (2 * number, a.shape[1])) for a in (self._drawn, self._reach_m))
+        if number % SUBMAP_KEYFRAMES == 0:
+            self._patches.append(Patch(NOWHERE))
+        self._scans.append(GridScan(hits, sensor_xy_m))
+        self._drawn[number] = np.nan
+        self._reach_m[number] = _reach_m(hits, self._config.max_range_m + math.hypot(*sensor_xy_m))
+        self._fresh += len(hits) > 0
 
+    @property
+    def due(self) -> bool:
+        """Whether enough keyframes with scans have come since the last redraw: the larger the map, the more."""
+        return self._fresh >= self._due_after
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OccupancyGrid:
-    """`log_odds` (rows, columns) float32, 0 unknown; cell [0, 0]'s lower-left corner is `origin_xy_m` in `map`.
+    def redraw(self, poses: Floats) -> OccupancyGrid:
+        """The grid at `poses` (n, 3), T_map_base of all keyframes, as far as a bounded number of scans brings it.
 
-    Row 0 has the lowest y. `coarsening` is how many times wider a cell is than asked for (1: as asked), where the
-    extent would have taken more than `max_cells`.
-    """
+        What is new is drawn, then the submaps that moved furthest; the others stay as they are until a later call.
+        Raises ValueError where there are not as many poses as scans.
+        """
+        return self._redraw(poses, MOVED_CELLS * self._cell_m, REDRAWN_AT_ONCE + self._fresh // SUBMAP_KEYFRAMES)
 
-    log_odds: NDArray[np.float32]
-    resolution_m: float
-    origin_xy_m: tuple[float, float]
-    coarsening: int = 1
+    def settle(self, poses: Floats) -> OccupancyGrid:
+        """The grid at exactly `poses` (n, 3), whatever was drawn before; small and unknown all over without scans.
 
-    def probability(self) -> NDArray[np.float32]:
-        """(rows, columns) float32 in (0, 1), 0.5 where unknown."""
-        return (1 / (1 + np.exp(-self.log_odds))).astype(np.float32, copy=False)
+        Raises ValueError where there are not as many poses as scans.
+        """
+        return self._redraw(poses, 0.0, len(self._patches))
 
+    def _redraw(self, poses: Floats, tolerance_m: float, most: int) -> OccupancyGrid:
+        if len(poses) != len(self._scans):
+            raise ValueError(f"{len(poses)} poses of {len(self._scans)} scans")
+        self._choose_resolution(poses)
+        changed = [self._draw(number, poses) for number in self._stale(poses, tolerance_m)[:most]]
+        weighed_in = self._weigh_in(around(changed))
+        grid = self._grid()
+        self._fresh = 0
+        self._due_after = max(REDRAW_KEYFRAMES, (grid.evidence.size + weighed_in // 10) // CELLS_A_KEYFRAME)
+        return grid
 
-def build_grid(poses: Floats, scans: Sequence[GridScan], config: MapConfig) -> OccupancyGrid:
-    """The grid of `scans` at `poses` (n, 3), T_map_base of each; without scans it is small and unknown all over.
+    def _choose_resolution(self, poses: Floats) -> None:
+        """Cells twice as wide, until no more than `max_cells` are needed; all is drawn anew where that changes."""
+        reach_m = self._reach_m[: len(poses), 1:]
+        seen = np.isfinite(poses).all(axis=1) & (reach_m[:, 0] > 0)
+        cell_m = self._config.resolution_m
+        if seen.any():
+            low, high = (poses[:, :2] - reach_m)[seen].min(axis=0), (poses[:, :2] + reach_m)[seen].max(axis=0)
+            width_m, height_m = high - low + 2 * self._config.margin_m
+            while width_m * height_m > self._config.max_cells * cell_m**2:
+                cell_m *= 2
+        if cell_m != self._cell_m:
+            self._cell_m = cell_m
+            self._patches = [Patch(NOWHERE) for _ in self._patches]
+            self._drawn[:] = np.nan
+            self._base, self._in_base = Patch(NOWHERE), 0
 
-    Scans whose pose is not finite are passed over. Raises ValueError where the counts differ.
-    """
-    canvas = _canvas(_extent(poses, scans, config), config)
-    for pose, scan in zip(poses, scans, strict=True):
-        canvas.insert(_rays(pose, scan, config), config)
-    return OccupancyGrid(canvas.log_odds, canvas.resolution_m, canvas.origin_xy_m, canvas.coarsening)
+    def _stale(self, poses: Floats, tolerance_m: float) -> NDArray[np.int64]:
+        """The submaps with a scan whose rays end more than `tolerance_m` off where they are drawn, furthest first."""
+        if len(poses) == 0:
+            return np.empty(0, np.int64)
+        off = poses - self._drawn[: len(poses)]
+        reach_m = self._reach_m[: len(poses), 0]
+        shift_m = np.hypot(off[:, 0], off[:, 1]) + np.abs(wrap_all(off[:, 2])) * reach_m
+        shift_m = np.where(reach_m > 0, np.nan_to_num(shift_m, nan=np.inf), 0.0)
+        furthest_m = np.maximum.reduceat(shift_m, np.arange(0, len(poses), SUBMAP_KEYFRAMES))
+        return np.argsort(-furthest_m, kind="stable")[: np.count_nonzero(furthest_m > tolerance_m)]
 
+    def _draw(self, number: int, poses: Floats) -> Window:
+        """Draw a submap; returns the cells around what that changes in the base."""
+        first = number * SUBMAP_KEYFRAMES
+        members = slice(first, min(first + SUBMAP_KEYFRAMES, len(poses)))
+        before = self._patches[number].window
+        self._patches[number] = draw_patch(self._scans[members], poses[members], self._cell_m, self._config.max_range_m)
+        self._drawn[members] = poses[members]
+        return around([before, self._patches[number].window]) if number < self._in_base else NOWHERE
 
-class _Rays(NamedTuple):
-    """Rays of one scan in `map`: from `origin` (2,) to `ends` (n, 2), m; the first `hits` of them hit something."""
+    def _weigh_in(self, changed: Window) -> int:
+        """Bring the base up to date in `changed`, and with the submaps filled since; returns the cells it took."""
+        self._base = self._base.covering(changed, SLACK)
+        self._base.cells(changed)[:] = 0
+        taken = sum(self._base.add(patch, changed) for patch in self._patches[: self._in_base])
+        full = len(self._scans) // SUBMAP_KEYFRAMES
+        for patch in self._patches[self._in_base : full]:
+            self._base = self._base.covering(patch.window, SLACK)
+            taken += self._base.add(patch, patch.window)
+        self._in_base = full
+        return taken
 
-    origin: Floats
-    ends: Floats
-    hits: int
-
-
-def _rays(pose: Floats, scan: GridScan, config: MapConfig) -> _Rays:
-    """The rays of `scan` at `pose`, cut at the range's end: a hit beyond it is a ray that met nothing up to there."""
-    if not np.isfinite(pose).all():
-        return _Rays(np.empty((0, 2)), np.empty((0, 2)), 0)
-    sensor = np.array(scan.sensor_xy_m)
-    hits, far = _within(scan.hits - sensor, config.max_range_m)
-    parts = [hits, far]
-    if config.clear_no_return:
-        parts.extend(_within(scan.no_returns - sensor, config.max_range_m))
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    R_transposed = np.array([[c, s], [-s, c]])
-    ends = np.concatenate(parts) + sensor
-    return _Rays(sensor @ R_transposed + pose[:2], ends @ R_transposed + pose[:2], len(hits))
-
-
-def _within(vectors: Floats, range_m: float) -> tuple[Floats, Floats]:
-    """The finite (n, 2) `vectors` no longer than `range_m`, and the longer ones cut to it."""
-    length = np.hypot(vectors[:, 0], vectors[:, 1])
-    far = np.isfinite(length) & (length > range_m)
-    return vectors[length <= range_m], vectors[far] * (range_m / length[far])[:, None]
-
-
-def _extent(poses: Floats, scans: Sequence[GridScan], config: MapConfig) -> Floats:
-    """(2, 2) lowest and highest x, y (m) that a ray reaches; the origin of `map` where there is none."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for pose, scan in zip(poses, scans, strict=True):
-        rays = _rays(pose, scan, config)
-        for points in (np.atleast_2d(rays.origin), rays.ends):
-            low = np.minimum(low, points.min(axis=0, initial=np.inf))
-            high = np.maximum(high, points.max(axis=0, initial=-np.inf))
-    return np.stack([low, high]) if np.isfinite(low).all() else np.zeros((2, 2))
-
-
-class _Canvas:
-    """A grid while it is drawn; `seen` remembers which cells the present scan has moved."""
-
-    def __init__(
-        self, shape: tuple[int, int], resolution_m: float, origin_xy_m: tuple[float, float], coarsening: int
-    ) -> None:
-        self.log_odds = np.zeros(shape, np.float32)
-        self.resolution_m = resolution_m
-        self.origin_xy_m = origin_xy_m
-        self.coarsening = coarsening
-        self._seen = np.zeros(shape, np.uint8)
-        self._serial = 0
-
-    def insert(self, rays: _Rays, config: MapConfig) -> None:
-        """Draws the rays of one scan."""
-        if len(rays.ends) == 0:
-            return
-        steps = (config.hit_log_odds, config.miss_log_odds, config.min_log_odds, config.max_log_odds)
-        start = self._cells(rays.origin)
-        _draw(self.log_odds, self._seen, self._next_serial(), start, self._cells(rays.ends), rays.hits, steps)
-
-    def _next_serial(self) -> int:
-        self._serial += 1
-        if self._serial > np.iinfo(np.uint8).max:
-            self._seen[:] = 0
-            self._serial = 1
-        return self._serial
-
-    def _cells(self, points: Floats) -> NDArray[np.int64]:
-        """(..., 2) row and column of (..., 2) points x, y."""
-        cells = np.floor((points - self.origin_xy_m) / self.resolution_m).astype(np.int64)
-        return np.ascontiguousarray(cells[..., ::-1])
-
-
-def _canvas(extent: Floats, config: MapConfig) -> _Canvas:
-    """An empty canvas around `extent`, its cells doubled until no more than `max_cells` are needed."""
-    low, high = extent[0] - config.margin_m, extent[1] + config.margin_m
-    coarsening = 1
-    while True:
-        resolution_m = config.resolution_m * coarsening
-        first = np.floor(low / resolution_m)
-        columns, rows = np.floor(high / resolution_m) - first + 1
-        if rows * columns <= config.max_cells:
-            origin = (float(first[0] * resolution_m), float(first[1] * resolution_m))
-            return _Canvas((int(rows) + 1, int(columns) + 1), resolution_m, origin, coarsening)
-        coarsening *= 2
+    def _grid(self) -> OccupancyGrid:
+        """All that is drawn, the submap still open on top, and a margin."""
+        margin = math.ceil(self._config.margin_m / self._cell_m)
+        grid = Patch(around(patch.window for patch in self._patches).grown(margin))
+        known = grid.window.overlap(self._base.window)
+        grid.cells(known)[:] = self._base.cells(known)
+        for patch in self._patches[self._in_base :]:
+            grid.add(patch, patch.window)
+        return OccupancyGrid(
+            grid.evidence, self._cell_m, (grid.window.column * self._cell_m, grid.window.row * self._cell_m)
+        )
 
 
-@njit(cache=True)
-def _draw(
-    log_odds: NDArray[np.float32],
-    seen: NDArray[np.uint8],
-    serial: int,
-    start: NDArray[np.int64],
-    ends: NDArray[np.int64],
-    hits: int,
-    steps: tuple[float, float, float, float],
-) -> None:
-    """One scan: the cells `ends` (n, 2) of the first `hits` rays go up, the cells before them (Bresenham) go down."""
-    hit, miss, low, high = steps
-    odds, moved, columns = log_odds.ravel(), seen.ravel(), log_odds.shape[1]
-    for i in range(hits):
-        cell = ends[i, 0] * columns + ends[i, 1]
-        if moved[cell] != serial:
-            moved[cell] = serial
-            odds[cell] = min(odds[cell] + hit, high)
-    for i in range(len(ends)):
-        d_row, d_column = ends[i, 0] - start[0], ends[i, 1] - start[1]
-        along = columns if d_row > 0 else -columns
-        across = 1 if d_column > 0 else -1
-        longer, shorter = abs(d_row), abs(d_column)
-        if shorter > longer:
-            along, across, longer, shorter = across, along, shorter, longer
-        cell = start[0] * columns + start[1]
-        error = longer // 2
-        for _ in range(longer):
-            if moved[cell] != serial:
-                moved[cell] = serial
-                odds[cell] = max(odds[cell] + miss, low)
-            error -= shorter
-            if error < 0:
-                cell += across
-                error += longer
-            cell += along
+def _reach_m(hits: Points, range_m: float) -> tuple[float, float]:
+    """How far from base_link points are, as a root mean square and at most, those beyond `range_m` cut to it."""
+    far_m = np.minimum(np.hypot(hits[:, 0], hits[:, 1]), range_m)
+    far_m = far_m[np.isfinite(far_m)]
+    return (math.sqrt(float(np.mean(far_m**2))), float(far_m.max())) if len(far_m) else (0.0, 0.0)

@@ -38,7 +38,7 @@ class DropReason(StrEnum):
     AHEAD = "ahead_of_odometry"
     IMPLAUSIBLE_MOTION = "implausible_motion"
     SENSOR_OFF = "sensor_off"
-    UNSUPPORTED = "unsupported"
+    OTHER_LASER = "another_laser_is_used"
 
 
 class ClosureKind(StrEnum):

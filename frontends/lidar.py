@@ -90,11 +90,11 @@ def match_scan(
         retry = _search_and_match(scan, submap, guess, guess_covariance, config)
         if retry.inlier_ratio > result.inlier_ratio + 0.05:
             result, searched = retry, True
-    T = result.T_target_scan if searched else _without_prior(result, guess, prior, config)
+    T = result.T_target_scan if searched else without_prior(result, guess, prior, config)
     return ScanMatch(T, match_covariance(result, config), result.inlier_ratio, result.residual_m, searched)
 
 
-def _without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarConfig) -> Pose2:
+def without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarConfig) -> Pose2:
     """What the scan alone says, where `result` leant on `prior` (3, 3) information about `guess` as well.
 
     The graph counts the wheels itself. From P (x - guess) + I (x - z) = 0 at the pose x that was found; where the scan
@@ -102,7 +102,7 @@ def _without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: Lidar
     """
     x = result.T_target_scan
     off = np.array([x.x - guess.x, x.y - guess.y, wrap(x.theta - guess.theta)])
-    kept = _seen_directions(result.information, config.degenerate_below)
+    kept = seen_directions(result.information, config.degenerate_below)
     information = kept @ result.information @ kept + OPEN
     return Pose2.of(x.array() + np.linalg.solve(information, kept @ prior @ off))
 
@@ -114,12 +114,12 @@ def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
     `degenerate_below` of the other's is taken to have none (after X-ICP, Tuna et al., arXiv 2211.16335).
     """
     floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
-    kept = _seen_directions(result.information, config.degenerate_below)
+    kept = seen_directions(result.information, config.degenerate_below)
     covariance = np.linalg.inv(kept @ result.information @ kept + OPEN) + floor
     return 0.5 * (covariance + covariance.T)
 
 
-def _seen_directions(information: Floats, degenerate_below: float) -> Floats:
+def seen_directions(information: Floats, degenerate_below: float) -> Floats:
     """(3, 3) projection that leaves out a direction of translation that is not really seen."""
     eigenvalues, directions = np.linalg.eigh(information[:2, :2])
     kept = np.eye(3)

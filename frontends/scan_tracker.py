@@ -48,10 +48,11 @@ class ScanTracker:
         search_below = 1.1 if self.inflation > self._trust.search_above else self._lidar.search_below
         match = match_scan(scan, submap, guess, self.wheel_covariance(motion), search_below, self._lidar)
         if match.inlier_ratio >= self._lidar.min_inlier_ratio:
-            self._learn(motion, guess, match)
+            self.learn(motion, guess, match)
         return Tracked(match, submap.points)
 
-    def _learn(self, motion: WheelMotion, guess: Pose2, match: ScanMatch) -> None:
+    def learn(self, motion: WheelMotion, guess: Pose2, match: ScanMatch) -> None:
+        """Take in how far a match of the keyframe is from what the wheels had guessed."""
         T = match.T_submap_scan
         e = np.array([T.x - guess.x, T.y - guess.y, wrap(T.theta - guess.theta)])
         expected = wheel_covariance(motion, self._odometry) + match.covariance

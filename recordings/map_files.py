@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid_map import Floats, MapConfig, OccupancyGrid
+from wayfi.backend.grid_map import MapConfig
+from wayfi.backend.occupancy_grid import OccupancyGrid
+from wayfi.backend.pose2 import Floats
 from wayfi.recordings.files import write_bytes, write_text
 from wayfi.recordings.map_picture import map_png
 

@@ -1,6 +1,7 @@
 """The occupancy grid as a picture: greys, a scale bar and the path driven."""
 
 import io
+import math
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,57 +9,69 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from wayfi.backend.grid_map import Floats, OccupancyGrid
+from wayfi.backend.occupancy_grid import OccupancyGrid
+from wayfi.backend.pose2 import Floats
+from wayfi.recordings.png import png
 
-_GREYS = LinearSegmentedColormap.from_list("occupancy", [(0.0, "#ffffff"), (0.5, "#dfe3e8"), (1.0, "#17202b")])
-_PATH, _INK = "#2f7ed8", "#17202b"
-_LONG_SIDE_PX, _SHORT_SIDE_PX, _DPI = 1600, 400, 100
+_INK = "#17202b"
+_SHADES = [(0, "#ffffff"), (0.25, "#ffffff"), (0.5, "#dfe3e8"), (0.65, "#59636f"), (0.8, _INK), (1, _INK)]
+_GREYS = LinearSegmentedColormap.from_list("occupancy", _SHADES)
+_PATH = "#2f7ed8"
+_LONG_SIDE_PX, _SHORT_SIDE_PX, _DPI = 2200, 400, 100
 _PADDING, _SCALE_BAR_ROOM = 0.015, 0.035  # of the longer side
-
-
-def map_png(grid: OccupancyGrid, path_xy_m: Floats | None = None) -> bytes:
-    """A PNG of what is known of `grid`, at most 1600 pixels wide or high, with the (n, 2) m path where given."""
-    probability, extent = _shrunk(*_cropped(grid))
-    shown = _shown(extent, path_xy_m)
-    figure = _figure(shown)
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set_axis_off()
-    axes.imshow(probability, cmap=_GREYS, vmin=0, vmax=1, origin="lower", extent=extent, interpolation="antialiased")
-    if path_xy_m is not None:
-        axes.plot(*path_xy_m.T, color=_PATH, linewidth=1.0, alpha=0.8)
-    _frame(axes, shown, figure.get_figwidth() / figure.get_figheight())
-    _draw_scale_bar(axes)
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=_DPI, metadata={"Software": None})
-    return picture.getvalue()
-
+_STRAY = 10  # cells
+_CERTAIN = 0.6  # an occupied cell darkens all of its pixel
 
 _Extent = tuple[float, float, float, float]
 
 
-def _cropped(grid: OccupancyGrid) -> tuple[Floats, _Extent, float]:
-    """The probabilities around the known cells (all, where none is known), their extent and resolution (m)."""
-    known = grid.log_odds != 0
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if rows.size == 0:
+def map_png(grid: OccupancyGrid, path_xy_m: Floats | None = None) -> bytes:
+    """A PNG of what is known of `grid`, with the (n, 2) m path where given.
+
+    1100 to 2200 pixels wide or high. A pixel is a whole number of cells, or a cell of pixels: nothing blurs its walls.
+    """
+    probability, extent = _cropped(grid)
+    shown = _shown(extent, path_xy_m)
+    longer = max(shown[1] - shown[0], shown[3] - shown[2]) / grid.resolution_m
+    cells, pixels = max(1, math.ceil(longer / _LONG_SIDE_PX)), math.ceil(_LONG_SIDE_PX / 2 / longer)
+    probability, extent = _merged(probability, extent, cells)
+    figure, axes = _figure(shown, extent, grid.resolution_m * cells / pixels)
+    axes.imshow(probability, cmap=_GREYS, vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest")
+    if path_xy_m is not None:
+        axes.plot(*path_xy_m.T, color=_PATH, linewidth=1.0, alpha=0.8, scalex=False, scaley=False)
+    _draw_scale_bar(axes)
+    picture = io.BytesIO()
+    figure.savefig(picture, format="rgba")
+    columns, rows = FigureCanvasAgg(figure).get_width_height()
+    return png(np.frombuffer(picture.getvalue(), np.uint8).reshape(rows, columns, 4)[:, :, :3])
+
+
+def _cropped(grid: OccupancyGrid) -> tuple[Floats, _Extent]:
+    """The probabilities around the known cells (all, where none is known), and their extent (m).
+
+    At the edges, rows and columns with fewer than `_STRAY` of them are left out: single rays through a window.
+    """
+    known = grid.evidence != 0
+    rows, columns = (np.flatnonzero(known.sum(axis=axis) >= _STRAY) for axis in (1, 0))
+    if rows.size == 0 or columns.size == 0:
         rows, columns = np.arange(known.shape[0]), np.arange(known.shape[1])
     cut = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     x, y = np.array(grid.origin_xy_m) + grid.resolution_m * np.array([columns[0], rows[0]])
     height, width = grid.resolution_m * np.array(known[cut].shape)
-    return grid.probability()[cut].astype(np.float64), (x, x + width, y, y + height), grid.resolution_m
+    return grid.probability()[cut].astype(np.float64), (x, x + width, y, y + height)
 
 
-def _shrunk(probability: Floats, extent: _Extent, resolution_m: float) -> tuple[Floats, _Extent]:
-    """Blocks of cells as one, where the picture has fewer pixels than the grid; an occupied cell darkens its block."""
-    factor = max(1, max(probability.shape) // _LONG_SIDE_PX)
-    rows, columns = (-(-size // factor) for size in probability.shape)
-    full = np.full((rows * factor, columns * factor), 0.5)
+def _merged(probability: Floats, extent: _Extent, cells: int) -> tuple[Floats, _Extent]:
+    """Blocks of `cells` x `cells` as one, and the extent, which may have grown by less than a block."""
+    rows, columns = (-(-size // cells) for size in probability.shape)
+    full = np.full((rows * cells, columns * cells), 0.5)
     full[: probability.shape[0], : probability.shape[1]] = probability
-    blocks = full.reshape(rows, factor, columns, factor)
+    blocks = full.reshape(rows, cells, columns, cells)
     highest = blocks.max(axis=(1, 3))
-    x, _, y, _ = extent
-    cell_m = factor * resolution_m
-    return np.where(highest > 0.6, highest, blocks.mean(axis=(1, 3))), (x, x + columns * cell_m, y, y + rows * cell_m)
+    left, right, bottom, top = extent
+    width, height = (right - left) / probability.shape[1] * full.shape[1], (top - bottom) / len(probability) * len(full)
+    merged = np.where(highest > _CERTAIN, highest, blocks.mean(axis=(1, 3)))
+    return merged, (left, left + width, bottom, bottom + height)
 
 
 def _shown(extent: _Extent, path_xy_m: Floats | None) -> _Extent:
@@ -72,21 +85,17 @@ def _shown(extent: _Extent, path_xy_m: Floats | None) -> _Extent:
     return left - padding, right + padding, bottom - padding - _SCALE_BAR_ROOM * longer, top + padding
 
 
-def _figure(extent: _Extent) -> Figure:
-    width, height = extent[1] - extent[0], extent[3] - extent[2]
-    scale = _LONG_SIDE_PX / max(width, height)
-    size = [max(side * scale, _SHORT_SIDE_PX) / _DPI for side in (width, height)]
-    figure = Figure(figsize=(size[0], size[1]), facecolor=_GREYS(0.5))
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _frame(axes: Axes, extent: _Extent, ratio: float) -> None:
-    """Shows `extent`, in the middle, at the figure's `ratio` of width to height."""
-    middle = (extent[0] + extent[1]) / 2, (extent[2] + extent[3]) / 2
-    height = max(extent[3] - extent[2], (extent[1] - extent[0]) / ratio)
-    axes.set_xlim(middle[0] - height * ratio / 2, middle[0] + height * ratio / 2)
-    axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
+def _figure(shown: _Extent, extent: _Extent, pixel_m: float) -> tuple[Figure, Axes]:
+    """An empty figure that shows `shown`, its pixels those of `extent`'s lower left corner and `pixel_m` wide."""
+    left, right, bottom, top = shown
+    width, height = (max(math.ceil(side / pixel_m), _SHORT_SIDE_PX) for side in (right - left, top - bottom))
+    left, bottom = (left + right - width * pixel_m) / 2, (bottom + top - height * pixel_m) / 2
+    left, bottom = (at - math.remainder(at - edge, pixel_m) for at, edge in ((left, extent[0]), (bottom, extent[2])))
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_GREYS(0.5))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set(xlim=(left, left + width * pixel_m), ylim=(bottom, bottom + height * pixel_m), autoscale_on=False)
+    return figure, axes
 
 
 def _draw_scale_bar(axes: Axes) -> None:

@@ -21,6 +21,7 @@ from wayfi.frontends.measurements import (
 from wayfi.recordings.codec_error import CodecError
 from wayfi.recordings.messages import NS_PER_S, PLANAR
 from wayfi.recordings.point_layout import points_of_cloud
+from wayfi.recordings.point_times import seconds_after_stamp
 
 Message = Any
 Float32s = NDArray[np.float32]
@@ -111,7 +112,10 @@ def _read_laser_scan(message: Message) -> LaserScan:
 
 
 def _read_point_cloud(message: Message) -> PointCloud:
-    return PointCloud(_header_stamp_ns(message), message.header.frame_id, points_of_cloud(message))
+    stamp_ns = _header_stamp_ns(message)
+    points, times = points_of_cloud(message)
+    time_s = None if times is None else seconds_after_stamp(times, stamp_ns)
+    return PointCloud(stamp_ns, message.header.frame_id, points, time_s)
 
 
 def _read_wifi_scan(message: Message) -> WifiScan:

@@ -107,11 +107,15 @@ def _write_laser_scan(scan: LaserScan) -> Message:
 
 
 def _write_point_cloud(cloud: PointCloud) -> Message:
-    points = np.ascontiguousarray(cloud.points, dtype="<f4").reshape(-1, 3)
-    fields = [new_message("sensor_msgs/msg/PointField", axis, 4 * i, 7, 1) for i, axis in enumerate("xyz")]
-    data = points.reshape(-1).view(np.uint8)
+    columns = [np.asarray(cloud.points, dtype="<f4").reshape(-1, 3)]
+    if cloud.time_s is not None:
+        columns.append(np.asarray(cloud.time_s, dtype="<f4").reshape(-1, 1))
+    rows = np.ascontiguousarray(np.hstack(columns))
+    names = ("x", "y", "z", "time")[: rows.shape[1]]
+    fields = [new_message("sensor_msgs/msg/PointField", name, 4 * i, 7, 1) for i, name in enumerate(names)]
+    data = rows.reshape(-1).view(np.uint8)
     head = header(cloud.stamp_ns, cloud.frame_id)
-    return new_message(POINT_CLOUD, head, 1, len(points), fields, False, 12, len(data), data, False)
+    return new_message(POINT_CLOUD, head, 1, len(rows), fields, False, 4 * len(names), len(data), data, False)
 
 
 def _write_wifi_scan(scan: WifiScan) -> Message:

@@ -125,6 +125,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,
     rough: Annotated[bool, typer.Option("--rough/--ideal", help="Sensors as they are, or at their best.")] = True,
+    points: Annotated[bool, typer.Option("--points", help="A 16-beam 3D LiDAR in place of the planar one.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -136,7 +137,7 @@ def simulate(
         if world not in list(World):
             raise typer.BadParameter(f"there is no world {world!r}; there are {', '.join(World)}")
         with output.progress(f"simulate {world}") as progress:
-            made = simulate(World(world), out, seed, minutes, progress, rough)
+            made = simulate(World(world), out, seed, minutes, progress, rough, points)
         output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
         output.result(
             {

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid_map import OccupancyGrid, build_grid
 from wayfi.backend.health import State
+from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
-from wayfi.frontends.laser_odometry import LaserOdometry
-from wayfi.frontends.laser_points import returns
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
@@ -29,7 +27,8 @@ from wayfi.frontends.timebase import TimeBase
 from wayfi.frontends.wifi import Fingerprint
 from wayfi.frontends.wifi_by_place import PlacedReadings
 from wayfi.service.config import Config
-from wayfi.service.scan_intake import ScanIntake
+from wayfi.service.laser_lead import LaserLead
+from wayfi.service.scan_intake import ScanIntake, Sweep, sees_anything, sensor_of
 from wayfi.service.slam import Slam, Timer
 from wayfi.service.trajectory import Trajectories
 from wayfi.service.wifi_intake import WifiIntake
@@ -64,7 +63,8 @@ class Pipeline:
         self._scans = ScanIntake(config.lidar)
         self._wifi = WifiIntake()
         self._trajectories = Trajectories()
-        self._laser_leads: LaserOdometry | None = None
+        self._laser_leads: LaserLead | None = None
+        self._laser: Sensor | None = None
         self._last_scan_path_m = -np.inf
         self._unmounted: set[str] = set()
 
@@ -73,15 +73,13 @@ class Pipeline:
         match measurement:
             case Odometry():
                 return list(self._odometry(measurement))
-            case LaserScan():
+            case LaserScan() | PointCloud():
                 return list(self._scan(measurement))
             case WifiScan():
                 return list(self._wifi_scan(measurement))
             case StaticTransforms():
                 self._scans.take_transforms(measurement)
                 return []
-            case PointCloud():
-                return [Dropped(Sensor.POINTS, measurement.stamp_ns, DropReason.UNSUPPORTED)]
 
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: what still waits is used or dropped, and the grid is drawn."""
@@ -91,11 +89,9 @@ class Pipeline:
         if len(slam.keyframes):
             events += slam.settle(slam.keyframes[len(slam.keyframes) - 1].point.stamp_ns)
         with self._timer("map"):
-            grid = build_grid(slam.poses, slam.grid_scans, self._config.map)
+            grid = slam.grid.settle(slam.poses)
         stamp_ns = int(self._trajectories.stamps_ns()[-1]) if len(self._trajectories) else 0
-        events.append(
-            GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, (grid.origin_xy_m[0], grid.origin_xy_m[1]))
-        )
+        events.append(GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m))
         points = [slam.keyframes[k].point for k in range(len(slam.keyframes))]
         calibration = Calibration(slam.graph.calibration(), slam.wifi.receivers.offsets)
         final = self._trajectories.final(points, slam.poses, calibration.wheels.values) if points else np.zeros((0, 3))
@@ -121,7 +117,7 @@ class Pipeline:
             yield Dropped(Sensor.ODOM, stamp_ns, DropReason.TOO_LATE)
             return
         for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
-            yield Dropped(Sensor.SCAN, scan.stamp_ns, DropReason.AHEAD)
+            yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
         yield from self._wifi.compare(stamp_ns)
         yield from self._advance(stamp_ns, m.pose)
 
@@ -137,6 +133,13 @@ class Pipeline:
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._wheels))
         yield self._publish(point, T_odom_base)
+        yield from self._redraw_grid(stamp_ns)
+
+    def _redraw_grid(self, stamp_ns: int) -> Iterator[Event]:
+        if self._slam.grid.due:
+            with self._timer("map"):
+                grid = self._slam.grid.redraw(self._slam.poses)
+            yield GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m)
 
     def _publish(self, point: PathPoint, T_odom_base: Pose2) -> PosePublished:
         T_map_base, covariance = self._slam.pose_at(point)
@@ -150,15 +153,20 @@ class Pipeline:
         if silent and keyframe_due(self._slam.motion_to(point), self._config.odometry):
             yield from self._slam.add_keyframe(point, None)
 
-    def _scan(self, m: LaserScan) -> Iterator[Event]:
+    def _scan(self, m: Sweep) -> Iterator[Event]:
+        sensor = sensor_of(m)
         if not self._config.lidar.enabled:
-            yield Dropped(Sensor.SCAN, m.stamp_ns, DropReason.SENSOR_OFF)
+            yield Dropped(sensor, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        stamp_ns = yield from self._stamp(Sensor.SCAN, m.stamp_ns)
+        stamp_ns = yield from self._stamp(sensor, m.stamp_ns)
         if stamp_ns is None:
             return
-        if len(returns(m, self._config.lidar.max_range_m)) == 0:
-            yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN)
+        if not sees_anything(m, self._config.lidar.max_range_m):
+            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
+            return
+        self._laser = self._laser or sensor
+        if sensor is not self._laser:
+            yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
             return
         self._scans.wait(stamp_ns, m)
         yield from self._use_scans()
@@ -168,7 +176,7 @@ class Pipeline:
     def _lead_by_laser(self, stamp_ns: int) -> Iterator[Event]:
         """Where no odometry comes, scan matching from scan to scan takes its place."""
         if self._laser_leads is None:
-            self._laser_leads = LaserOdometry(self._config.lidar.max_range_m)
+            self._laser_leads = LaserLead(self._config.lidar, self._scans)
             self._wheels.restart()
             yield Warned(stamp_ns, "no odometry: the laser leads")
         yield from self._wifi.compare(stamp_ns)
@@ -176,19 +184,19 @@ class Pipeline:
             latest = self._wheels.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
-            yield from self._advance(scan_ns, self._laser_leads.register(self._scans.points(scan)))
+            yield from self._advance(scan_ns, self._laser_leads.register(scan_ns, scan))
 
-    def _use_last_scans(self, waiting: list[tuple[int, LaserScan]]) -> Iterator[Event]:
+    def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the laser leads as far as it did, or where odometry never came; else they came after it."""
         if waiting and (self._laser_leads or self._wheels.latest is None):
             yield from self._lead_by_laser(waiting[-1][0])
         else:
-            yield from (Dropped(Sensor.SCAN, scan_ns, DropReason.AHEAD) for scan_ns, _ in waiting)
+            yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _use_scans(self) -> Iterator[Event]:
         for point, scan in self._scans.ready(self._wheels):
             if point is None:
-                yield Dropped(Sensor.SCAN, scan.stamp_ns, DropReason.TOO_LATE)
+                yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.TOO_LATE)
                 continue
             first = self._last_scan_path_m == -np.inf
             self._last_scan_path_m = point.path_m
@@ -201,7 +209,7 @@ class Pipeline:
                 placed = self._scans.place(point, scan, self._wheels)
             yield from self._slam.add_keyframe(point, placed)
 
-    def _warn_unmounted(self, scan: LaserScan) -> Iterator[Event]:
+    def _warn_unmounted(self, scan: Sweep) -> Iterator[Event]:
         if scan.frame_id not in self._unmounted and not self._scans.knows(scan.frame_id):
             self._unmounted.add(scan.frame_id)
             text = f"no /tf_static says where {scan.frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"

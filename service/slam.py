@@ -7,13 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid_map import GridScan
+from wayfi.backend.grid_map import GridMap
 from wayfi.backend.health import Health, judge_health
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all
 from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
 from wayfi.backend.pose_graph import Wheels as WheelFactor
 from wayfi.backend.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.cloud_odometry import CloudOdometry
 from wayfi.frontends.events import (
     CalibrationUpdated,
     ClosureJudged,
@@ -58,8 +59,9 @@ class Slam:
         self.graph = PoseGraph(config.backend, prior.wheels)
         self.keyframes = Keyframes()
         self.wifi = Wifi(config.wifi, prior.receivers)
-        self.grid_scans: list[GridScan] = []
+        self.grid = GridMap(config.map)
         self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
+        self._clouds = CloudOdometry(config.lidar)
         verdicts = Verdicts()
         self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar)
         self._wifi_closer = WifiCloser(
@@ -171,13 +173,23 @@ class Slam:
         tracked = None
         if placed is not None:
             with self._timer("scan_matching"):
-                guess = motion.corrected(self._calibration)
-                tracked = self._tracker.match(placed.points, motion, guess, self.poses)
+                tracked = self._track(placed, motion, number)
             if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
                 match = tracked.match
                 self.graph.add(Between(number - 1, number, match.T_submap_scan, match.covariance))
         self.graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
         return tracked
+
+    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> Tracked | None:
+        """The match of a keyframe's cloud by KISS-ICP where there is one that it can place, else that of its scan."""
+        guess = motion.corrected(self._calibration)
+        tracked = None
+        if placed.band is not None:
+            tracked = self._clouds.match(placed.band, number, guess, self._tracker.wheel_covariance(motion))
+        if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
+            self._tracker.learn(motion, guess, tracked.match)
+            return tracked
+        return self._tracker.match(placed.points, motion, guess, self.poses)
 
     def _remember(self, point: PathPoint, placed: PlacedScan | None, guess: Pose2) -> None:
         self.keyframes.append(Keyframe(point, placed.points if placed else None))
@@ -186,7 +198,7 @@ class Slam:
         self._poses[len(self.keyframes) - 1] = guess.array()
         hits: NDArray[np.float32] = placed.hits if placed else np.empty((0, 2), np.float32)
         sensor = placed.points.T_base_laser if placed else Pose2()
-        self.grid_scans.append(GridScan(hits, (sensor.x, sensor.y)))
+        self.grid.add(hits, (sensor.x, sensor.y))
 
     def _update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
         """Update the graph; `moved` says that earlier poses have moved already."""

@@ -12,7 +12,15 @@ from typing import Any
 
 from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, Sensor, StaticTransforms, WifiScan
+from wayfi.frontends.measurements import (
+    LaserScan,
+    Measurement,
+    Odometry,
+    PointCloud,
+    Sensor,
+    StaticTransforms,
+    WifiScan,
+)
 from wayfi.recordings.codec import encode
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
@@ -31,6 +39,7 @@ RESULT_FILES = (
 _SENSOR_OF: dict[type[Measurement], Sensor] = {
     Odometry: Sensor.ODOM,
     LaserScan: Sensor.SCAN,
+    PointCloud: Sensor.POINTS,
     WifiScan: Sensor.WIFI,
     StaticTransforms: Sensor.TF_STATIC,
 }

@@ -1,14 +1,23 @@
 """Simulated recordings: what the sensors of a simulated run say, as MCAP, beside the truth."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, Sensor, StaticTransforms, WifiScan
+from wayfi.frontends.measurements import (
+    LaserScan,
+    Measurement,
+    Odometry,
+    PointCloud,
+    Sensor,
+    StaticTransforms,
+    WifiScan,
+)
 from wayfi.recordings.codec import encode
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
+from wayfi.recordings.simulation.spatial import spatial_measurements
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.topics import Encoding
 from wayfi.recordings.tum import write_tum
@@ -17,6 +26,7 @@ _SENSOR_OF: dict[type[Measurement], Sensor] = {
     StaticTransforms: Sensor.TF_STATIC,
     Odometry: Sensor.ODOM,
     LaserScan: Sensor.SCAN,
+    PointCloud: Sensor.POINTS,
     WifiScan: Sensor.WIFI,
 }
 
@@ -43,25 +53,27 @@ def simulate(
     minutes: float | None = None,
     progress: Callable[[float], None] = _ignore,
     rough: bool = True,
+    points: bool = False,
 ) -> SimulatedRecording:
     """Writes recording.mcap and truth.tum, of base_link at each odometry stamp, into `out_dir`; made if need be.
 
-    The drive through `world` is cut after `minutes` (None: full length); Run says what is `rough` about it. The same
-    arguments give the same bytes. `progress` is called with the fraction done, 0 to 1, once a simulated second.
+    The drive through `world` is cut after `minutes` (None: full length); Run says what is `rough` about it. With
+    `points` the robot has a 3D LiDAR in place of the planar one. The same arguments give the same bytes. `progress` is
+    called with the fraction done, 0 to 1, once a simulated second.
     """
     run = start(world, seed, minutes, rough)
     out_dir.mkdir(parents=True, exist_ok=True)
     recording, truth = out_dir / "recording.mcap", out_dir / "truth.tum"
     write_tum(truth, run.truth.stamps_ns, run.truth.poses)
-    messages = _write(run, recording, progress)
+    messages = _write(run, spatial_measurements(run) if points else measurements(run), recording, progress)
     return SimulatedRecording(recording, truth, run.length_ns / 1e9, float(run.truth.path_m()[-1]), messages)
 
 
-def _write(run: Run, path: Path, progress: Callable[[float], None]) -> int:
-    """Writes every measurement of `run` to `path` and counts them."""
+def _write(run: Run, received: Iterator[Measurement], path: Path, progress: Callable[[float], None]) -> int:
+    """Writes every measurement `received` in `run` to `path` and counts them."""
     count, next_report_ns = 0, EPOCH_NS
     with McapWriter(path) as writer:
-        for measurement in measurements(run):
+        for measurement in received:
             sensor = _SENSOR_OF[type(measurement)]
             writer.write(
                 DEFAULT_TOPICS[sensor], TYPE_OF_SENSOR[sensor], Encoding.CDR, measurement.stamp_ns, encode(measurement)
