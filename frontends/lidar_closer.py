@@ -55,6 +55,8 @@ class LidarCloser:
         if a is None:
             return []
         self._last_check_m = here.point.path_m
+        if self._way_m(a, keyframe) < self._closure.closed_m:
+            return []
         expected = self._expected(a, keyframe, poses)
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
 
@@ -66,6 +68,8 @@ class LidarCloser:
     def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check what WiFi proposes, where the laser `sees` it."""
         a, b = candidate.a, candidate.b
+        if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
+            return []
         expected = self._expected(a.keyframe, b.keyframe, poses)
         expected, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
         if chi2 > self._closure.gate_chi2:
@@ -74,6 +78,8 @@ class LidarCloser:
 
     def is_open(self, candidate: WifiCandidate, poses: Floats) -> bool:
         """Whether the estimate knows less of the two places than the WiFi candidate claims."""
+        if self._way_m(candidate.a.keyframe, candidate.b.keyframe) < self._closure.closed_m:
+            return False
         covariance = self._expected(candidate.a.keyframe, candidate.b.keyframe, poses).covariance
         return bool(np.linalg.eigvalsh(covariance[:2, :2])[-1] > candidate.sigma_m**2)
 
@@ -106,10 +112,17 @@ class LidarCloser:
 
     def _expected(self, a: int, b: int, poses: Floats) -> Expected:
         """T_a_b by the estimate; to its covariance is added what its factors leave out: drift that adds up one way."""
-        path_m = abs(self._keyframes.paths_m[b] - self._keyframes.paths_m[a])
+        path_m = self._way_m(a, b)
         drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
         covariance = self._graph.relative_covariance(a, b) + np.diag(drift**2)
         return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
+
+    def _way_m(self, a: int, b: int) -> float:
+        """The shortest way (m) from a to b: the path between them, or along it to one of the newest closures and back."""
+        path = self._keyframes.paths_m
+        closures = [self._verdicts[number] for number in list(self._accepted)[-REVIEWED:]]
+        ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
+        return float(min([abs(path[b] - path[a]), *ways]))
 
     def _judge(self, p: _Proposed, done: Check) -> ClosureJudged:
         refused = done.refused
