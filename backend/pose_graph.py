@@ -27,7 +27,7 @@ class BackendConfig:
 
     relinearize_m: float = option(1.0, "m", "a relative pose is linear in places: only turning makes them matter")
     relinearize_rad: float = option(0.05, "rad", "half a metre of step is then off by less than a millimetre")
-    relinearize_calibration: float = option(0.002, "1, rad/m or rad/s", "0.002 rad/m bends 20 m of path by 0.4 m")
+    relinearize_calibration: float = option(0.02, "1, rad/m or rad/s", "0.002 rad/m bends 20 m of path by 0.4 m")
     leap_m: float = option(1.0, "m", "a closure further off than this leaves the basin of a Gauss-Newton step")
     settle_updates: int = option(5, "", "at the end of a drive: what the last closures moved is relinearised")
     uncertain_sigma_m: float = option(1.0, "m", "above it the pose says which room, not where in it")
@@ -294,7 +294,6 @@ class PoseGraph:
         params.setFactorization("QR")  # Cholesky breaks down over long chains of wheels with one loose calibration
         params.relinearizeSkip = 1
         params.enablePartialRelinearizationCheck = True
-        params.findUnusedFactorSlots = True
         isam = gtsam.ISAM2(params)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         noise = gtsam.noiseModel.Diagonal.Sigmas(self._prior.sigmas)

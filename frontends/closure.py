@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
 from wayfi.frontends.consensus import ConsensusConfig
-from wayfi.frontends.correlative import build_field, search
+from wayfi.frontends.correlative import Window, build_field, search
 from wayfi.frontends.icp import icp
 from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig, match_covariance, merge_submap
@@ -22,11 +22,13 @@ class ClosureConfig:
     radius_m: float = option(5.0, "m", "the paper: LiDAR closures between poses that the estimate puts this near")
     min_path_m: float = option(15.0, "m", "nearer along the path the local submap has already closed it")
     check_every_m: float = option(1.0, "m", "checks nearer to each other see the same walls")
+    closed_m: float = option(6.0, "m", "of way by the newest closures: nearer than this, another one would tell nothing new")
     submap_reach: int = option(7, "keyframes", "on each side of the candidate: 7 m of path")
     max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
     max_window_rad: float = option(0.5, "rad", "as above")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
-    max_second_peak: float = option(0.92, "", "of the best score: nearer than this the place is ambiguous")
+    max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
+    max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
@@ -34,6 +36,14 @@ class ClosureConfig:
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Where b is expected in a, with the (3, 3) covariance of that in a's axes, m and rad."""
+
+    T_a_b: Pose2
+    covariance: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,36 +78,59 @@ def check(
     scan: ScanPoints,
     submap_scans: list[ScanPoints],
     submap_poses: Floats,
-    guess: Pose2,
-    guess_covariance: Floats,
+    expected: Expected,
     config: ClosureConfig,
     lidar: LidarConfig,
 ) -> Check | None:
-    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) around `guess` T_a_b; None if empty."""
+    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) where it is `expected`; None if empty."""
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    window_m = min(max(3 * math.sqrt(max(guess_covariance[0, 0], guess_covariance[1, 1])), 0.4), config.max_window_m)
-    window_rad = min(max(3 * math.sqrt(guess_covariance[2, 2]), 0.1), config.max_window_rad)
+    window = Window.of(
+        expected.covariance, config.gate_chi2, (0.4, 0.1), (config.max_window_m, config.max_window_rad)
+    )
     likelihood = build_field(submap.points, lidar.correlative)
-    peak = search(scan.points, likelihood, guess, window_m, window_rad, lidar.correlative)
+    peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
     floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
     covariance = match_covariance(result, lidar) + floor
     second = peak.second_score / max(peak.score, 1e-9)
+    chi2 = innovation_chi2(expected, result.T_target_scan, covariance)
     refused = ""
     if result.inlier_ratio < config.min_inlier_ratio:
         refused = f"inlier ratio {result.inlier_ratio:.2f} under {config.min_inlier_ratio}"
+    elif max(covariance[0, 0], covariance[1, 1]) > config.max_sigma_m**2:
+        refused = "the walls leave the pose open along them"
     elif second > config.max_second_peak:
         refused = f"ambiguous: second peak {second:.2f} of the best"
     elif peak.pose.distance(result.T_target_scan) > 3 * lidar.correlative.blur_m:
         refused = "ICP left the peak that the search found"
+    elif chi2 > config.gate_chi2:
+        refused = f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}"
     return Check(
         result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second, submap.points, refused
     )
 
 
-def innovation_chi2(predicted: Pose2, predicted_covariance: Floats, measured: Pose2, covariance: Floats) -> float:
-    """Squared Mahalanobis distance of `measured` from `predicted` (T_a_b), their covariances (3, 3) in a's axes."""
-    e = np.array([measured.x - predicted.x, measured.y - predicted.y, wrap(measured.theta - predicted.theta)])
-    return float(e @ np.linalg.solve(predicted_covariance + covariance, e))
+def at_one_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_m: float) -> tuple[Expected, float]:
+    """What is expected of T_a_b if `place_a` (2,) m in a and `place_b` in b are one, to `sigma_m` along each axis.
+
+    Also the chi2 (2 degrees of freedom) by which that contradicts what was expected before.
+    """
+    T = expected.T_a_b
+    turned = Pose2(0.0, 0.0, T.theta).transform(place_b[None])[0]
+    J = np.array([[1.0, 0.0, -turned[1]], [0.0, 1.0, turned[0]]])
+    apart = place_a - turned - (T.x, T.y)
+    C = expected.covariance
+    S = J @ C @ J.T + sigma_m**2 * np.eye(2)
+    gain = C @ J.T @ np.linalg.inv(S)
+    covariance = C - gain @ J @ C
+    nearer = Expected(Pose2.of(T.array() + gain @ apart), 0.5 * (covariance + covariance.T))
+    return nearer, float(apart @ np.linalg.solve(S, apart))
+
+
+def innovation_chi2(expected: Expected, measured: Pose2, covariance: Floats) -> float:
+    """Squared Mahalanobis distance of `measured` T_a_b, of (3, 3) `covariance` in a's axes, from what is expected."""
+    T = expected.T_a_b
+    e = np.array([measured.x - T.x, measured.y - T.y, wrap(measured.theta - T.theta)])
+    return float(e @ np.linalg.solve(expected.covariance + covariance, e))

@@ -43,6 +43,32 @@ class LikelihoodField:
     cell_m: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """The poses to examine: within `xy_m` and `theta_rad` of the guess, and within `chi2` of it by `information` (3, 3).
+
+    The information is about (x, y, theta) in the axes of the submap; zeros leave the whole box.
+    """
+
+    xy_m: float
+    theta_rad: float
+    information: Floats
+    chi2: float
+
+    @classmethod
+    def of(cls, covariance: Floats, chi2: float, least: tuple[float, float], most: tuple[float, float]) -> "Window":
+        """The ellipse of `chi2` of a (3, 3) covariance, in a box of no less and no more than `least`, `most` (m, rad)."""
+        sigma_m, sigma_rad = math.sqrt(max(covariance[0, 0], covariance[1, 1])), math.sqrt(covariance[2, 2])
+        reach = math.sqrt(chi2)
+        widened = covariance + np.diag([least[0] ** 2, least[0] ** 2, least[1] ** 2]) / chi2
+        return cls(
+            min(max(reach * sigma_m, least[0]), most[0]),
+            min(max(reach * sigma_rad, least[1]), most[1]),
+            np.ascontiguousarray(np.linalg.inv(widened)),
+            chi2,
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Peak:
     """The best pose found, its score in [0, 1], and the score of the best pose elsewhere in the window."""
@@ -62,13 +88,13 @@ def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
 
 
 def search(
-    points: Floats, field: LikelihoodField, guess: Pose2, window_m: float, window_rad: float, config: CorrelativeConfig
+    points: Floats, field: LikelihoodField, guess: Pose2, window: Window, config: CorrelativeConfig
 ) -> Peak:
-    """The T_submap_scan within `window_m` (each axis) and `window_rad` of `guess` that `points` (n, 2) fit best."""
+    """The T_submap_scan in the `window` around `guess` that `points` (n, 2) fit best."""
     subset = points[:: max(1, len(points) // config.points)]
-    half_angles = math.ceil(window_rad / config.angle_step)
+    half_angles = math.ceil(window.theta_rad / config.angle_step)
     angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1, dtype=np.float64)
-    half_cells = math.ceil(window_m / config.cell_m)
+    half_cells = math.ceil(window.xy_m / config.cell_m)
     x, y, theta, score, second = _search(
         np.ascontiguousarray(subset),
         field.fine,
@@ -79,6 +105,8 @@ def search(
         guess.y,
         angles,
         half_cells,
+        window.information,
+        window.chi2,
         config.max_coarse_cells,
         config.peak_apart_m,
         config.peak_apart_rad,
@@ -152,6 +180,22 @@ def _bound(cells: NDArray[np.int64], coarse: NDArray[np.float32], dr: int, dc: i
 
 
 @njit(cache=True)
+def _chi2(dx: float, dy: float, dtheta: float, information: Floats) -> float:
+    total: float = information[0, 0] * dx * dx + information[1, 1] * dy * dy + information[2, 2] * dtheta * dtheta
+    return total + 2 * (information[0, 1] * dx * dy + (information[0, 2] * dx + information[1, 2] * dy) * dtheta)
+
+
+@njit(cache=True)
+def _reaches(row: int, column: int, cell_m: float, dtheta: float, information: Floats, chi2: float) -> bool:
+    """Whether any pose in the coarse cell at `row`, `column` lies within `chi2`."""
+    for dr in range(row, row + BRANCH):
+        for dc in range(column, column + BRANCH):
+            if _chi2(dr * cell_m, dc * cell_m, dtheta, information) <= chi2:
+                return True
+    return False
+
+
+@njit(cache=True)
 def _search(
     points: Floats,
     fine: NDArray[np.float32],
@@ -162,6 +206,8 @@ def _search(
     y0: float,
     angles: Floats,
     half_cells: int,
+    information: Floats,
+    chi2: float,
     max_coarse_cells: int,
     apart_m: float,
     apart_rad: float,
@@ -175,11 +221,13 @@ def _search(
             cells[a, i, 1] = int(np.floor((s * points[i, 0] + c * points[i, 1] + y0 - origin[1]) / cell_m))
     offsets = np.arange(-half_cells, half_cells + 1, BRANCH)
     side = offsets.shape[0]
-    bounds = np.empty(n_angles * side * side)
+    bounds = np.zeros(n_angles * side * side)
+    middle = angles[n_angles // 2]
     for a in range(n_angles):
         for i in range(side):
             for j in range(side):
-                bounds[(a * side + i) * side + j] = _bound(cells[a], coarse, offsets[i], offsets[j])
+                if _reaches(offsets[i], offsets[j], cell_m, angles[a] - middle, information, chi2):
+                    bounds[(a * side + i) * side + j] = _bound(cells[a], coarse, offsets[i], offsets[j])
     order = np.argsort(-bounds, kind="mergesort")
     best = (n_angles // 2, 0, 0)
     best_score, second = 0.0, 0.0
@@ -189,6 +237,8 @@ def _search(
         a, rest = order[k] // (side * side), order[k] % (side * side)
         for dr in range(offsets[rest // side], offsets[rest // side] + BRANCH):
             for dc in range(offsets[rest % side], offsets[rest % side] + BRANCH):
+                if _chi2(dr * cell_m, dc * cell_m, angles[a] - middle, information) > chi2:
+                    continue
                 score = _score(cells[a], fine, dr, dc)
                 near = (
                     np.hypot(dr - best[1], dc - best[2]) * cell_m < apart_m

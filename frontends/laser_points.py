@@ -11,6 +11,7 @@ from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.measurements import LaserScan, StaticTransform
 
 NEIGHBOURS = 5  # to each side of a beam that may make a wall with it
+SHADOW_M, SHADOW_RAD = 0.1, 0.1  # from an edge to what lies behind it: a gap this long, this near to the ray
 NEAREST_M = 0.02  # nearer is the sensor's own window, whatever the message says
 
 
@@ -97,11 +98,17 @@ def lines_along(points: Floats, origin: Floats, radius_m: float) -> tuple[Floats
     n = points.shape[0]
     normals = np.full((n, 2), np.nan)
     placed = points.copy()
+    joined = _joined(points, origin)
     for i in range(n):
         limit = _limit(points, i, radius_m)
-        line = _line(points, i, max(i - NEIGHBOURS, 0), min(i + NEIGHBOURS + 1, n), limit)
-        before = _line(points, i, max(i - NEIGHBOURS, 0), i + 1, limit)
-        after = _line(points, i, i, min(i + NEIGHBOURS + 1, n), limit)
+        first, last = i, i + 1
+        while first > max(i - NEIGHBOURS, 0) and joined[first - 1]:
+            first -= 1
+        while last < min(i + NEIGHBOURS + 1, n) and joined[last - 1]:
+            last += 1
+        line = _line(points, i, first, last, limit)
+        before = _line(points, i, first, i + 1, limit)
+        after = _line(points, i, i, last, limit)
         side = before if before[4] < after[4] else after
         if side[4] < 0.25 * line[4]:
             line = side
@@ -114,6 +121,18 @@ def lines_along(points: Floats, origin: Floats, radius_m: float) -> tuple[Floats
         off = nx * line[0] + ny * line[1]
         placed[i, 0], placed[i, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
     return placed, normals
+
+
+@njit(cache=True)
+def _joined(points: Floats, origin: Floats) -> NDArray[np.bool_]:
+    """(n,) whether a wall may lead from each point to the next; what lies behind an edge starts in line with it."""
+    joined = np.zeros(len(points), np.bool_)
+    for i in range(len(points) - 1):
+        ray, gap = points[i] - origin, points[i + 1] - points[i]
+        length = np.hypot(gap[0], gap[1])
+        across = abs(ray[0] * gap[1] - ray[1] * gap[0]) / np.hypot(ray[0], ray[1])
+        joined[i] = length < SHADOW_M or across > SHADOW_RAD * length
+    return joined
 
 
 @njit(cache=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.correlative import CorrelativeConfig, build_field, search
+from wayfi.frontends.correlative import CorrelativeConfig, Window, build_field, search
 from wayfi.frontends.height_band import CloudConfig
 from wayfi.frontends.icp import IcpConfig, IcpResult, icp
 from wayfi.frontends.laser_points import ScanPoints, place_all
@@ -131,9 +131,6 @@ def seen_directions(information: Floats, degenerate_below: float) -> Floats:
 def _search_and_match(
     scan: ScanPoints, submap: PointIndex, guess: Pose2, covariance: Floats, config: LidarConfig
 ) -> IcpResult:
-    window_m = min(max(3 * math.sqrt(max(covariance[0, 0], covariance[1, 1])), 0.3), 1.0)
-    window_rad = min(max(3 * math.sqrt(covariance[2, 2]), 0.3), 1.0)
-    peak = search(
-        scan.points, build_field(submap.points, config.correlative), guess, window_m, window_rad, config.correlative
-    )
+    window = Window.of(covariance, 9.0, (0.3, 0.3), (1.0, 1.0))
+    peak = search(scan.points, build_field(submap.points, config.correlative), guess, window, config.correlative)
     return icp(scan, submap, peak.pose, np.zeros((3, 3)), config.icp)

@@ -6,7 +6,15 @@ import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Between, PoseGraph
-from wayfi.frontends.closure import Check, ClosureConfig, check, innovation_chi2, nearest_candidate
+from wayfi.frontends.closure import (
+    Check,
+    ClosureConfig,
+    Expected,
+    at_one_place,
+    check,
+    innovation_chi2,
+    nearest_candidate,
+)
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar import LidarConfig
@@ -47,17 +55,33 @@ class LidarCloser:
         if a is None:
             return []
         self._last_check_m = here.point.path_m
-        return self._close(_Proposed(a, keyframe, "estimate"), stamp_ns, poses)
+        if self._way_m(a, keyframe) < self._closure.closed_m:
+            return []
+        expected = self._expected(a, keyframe, poses)
+        return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
 
     def sees(self, candidate: WifiCandidate) -> bool:
         """Whether the laser saw both places of a WiFi candidate."""
         a, b = candidate.a.keyframe, candidate.b.keyframe
-        return self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
+        return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
 
     def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check what WiFi proposes, where the laser `sees` it."""
-        a, b = candidate.a.keyframe, candidate.b.keyframe
-        return [] if a == b else self._close(_Proposed(a, b, "wifi", candidate.similarity), stamp_ns, poses)
+        a, b = candidate.a, candidate.b
+        if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
+            return []
+        expected = self._expected(a.keyframe, b.keyframe, poses)
+        expected, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
+        if chi2 > self._closure.gate_chi2:
+            return []
+        return self._close(_Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity), expected, stamp_ns, poses)
+
+    def is_open(self, candidate: WifiCandidate, poses: Floats) -> bool:
+        """Whether the estimate knows less of the two places than the WiFi candidate claims."""
+        if self._way_m(candidate.a.keyframe, candidate.b.keyframe) < self._closure.closed_m:
+            return False
+        covariance = self._expected(candidate.a.keyframe, candidate.b.keyframe, poses).covariance
+        return bool(np.linalg.eigvalsh(covariance[:2, :2])[-1] > candidate.sigma_m**2)
 
     def review(self, poses: Floats) -> list[Event]:
         """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
@@ -65,41 +89,43 @@ class LidarCloser:
         for number in sorted(self._accepted)[-REVIEWED:]:
             judged = self._verdicts[number]
             T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
-            chi2 = innovation_chi2(T, np.zeros((3, 3)), judged.T_a_b, judged.covariance)
+            chi2 = innovation_chi2(Expected(T, np.zeros((3, 3))), judged.T_a_b, judged.covariance)
             if chi2 > self._closure.remove_chi2:
                 self._graph.remove(self._accepted.pop(number))
                 reason = f"the estimate moved {chi2:.0f} chi2 away from it"
                 events.append(self._verdicts.change(number, Verdict.REMOVED, reason))
         return events
 
-    def _close(self, proposed: _Proposed, stamp_ns: int, poses: Floats) -> list[Event]:
+    def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b
-        covariance = self._graph.relative_covariance(a, b)
-        guess = Pose2.of(poses[a]).between(Pose2.of(poses[b]))
         reach = self._closure.submap_reach
         scans, placed, _ = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
         scan = self._keyframes[b].scan
         assert scan is not None
-        done = check(scan, scans, placed, guess, covariance, self._closure, self._lidar)
+        done = check(scan, scans, placed, expected, self._closure, self._lidar)
         if done is None:
             return []
-        chi2 = innovation_chi2(guess, self._with_drift(covariance, a, b), done.T_a_b, done.covariance)
         shown = CheckDone(
-            stamp_ns, a, b, scan.points, done.submap, guess, done.T_a_b, done.inlier_ratio, done.second_peak
+            stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
         )
-        return [shown, self._judge(proposed, done, done.refused or self._gate(chi2))]
+        return [shown, self._judge(proposed, done)]
 
-    def _gate(self, chi2: float) -> str:
-        limit = self._closure.gate_chi2
-        return f"contradicts the estimate: chi2 {chi2:.1f} over {limit}" if chi2 > limit else ""
-
-    def _with_drift(self, covariance: Floats, a: int, b: int) -> Floats:
-        """The estimate's (3, 3) covariance of T_a_b, and what its factors leave out: drift that adds up one way."""
-        path_m = abs(self._keyframes.paths_m[b] - self._keyframes.paths_m[a])
+    def _expected(self, a: int, b: int, poses: Floats) -> Expected:
+        """T_a_b by the estimate; to its covariance is added what its factors leave out: drift that adds up one way."""
+        path_m = self._way_m(a, b)
         drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
-        return covariance + np.diag(drift**2)
+        covariance = self._graph.relative_covariance(a, b) + np.diag(drift**2)
+        return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
 
-    def _judge(self, p: _Proposed, done: Check, refused: str) -> ClosureJudged:
+    def _way_m(self, a: int, b: int) -> float:
+        """The shortest way (m) from a to b: the path between them, or along it to one of the newest closures and back."""
+        path = self._keyframes.paths_m
+        closures = [self._verdicts[number] for number in list(self._accepted)[-REVIEWED:]]
+        ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
+        return float(min([abs(path[b] - path[a]), *ways]))
+
+    def _judge(self, p: _Proposed, done: Check) -> ClosureJudged:
+        refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
         judged = self._verdicts.enter(ClosureJudged(
             0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,

@@ -134,6 +134,8 @@ class Slam:
                 closed = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
                 if any(isinstance(e, ClosureJudged) and e.verdict is Verdict.ACCEPTED for e in closed):
                     self.wifi.confirm(candidate)
+                elif self._lidar_closer.is_open(candidate, self.poses):
+                    self.wifi.hold(candidate)
                 events += closed
             elif candidate is not None:
                 self.wifi.hold(candidate)
