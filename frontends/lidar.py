@@ -1,6 +1,5 @@
 """Scan matching: each keyframe's scan against a submap of the ones before it, and submaps to check closures against."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np

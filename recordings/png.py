@@ -1,4 +1,4 @@
-"""Pictures of few colours as PNG (RFC 2083): unfiltered, which such pictures pack best: a quarter smaller than filtered."""
+"""Pictures of few colours as PNG (RFC 2083), not filtered: such pictures pack a quarter smaller that way."""
 
 import struct
 import zlib
