@@ -95,6 +95,7 @@ class PoseGraph:
         self._restart: tuple[Floats, Floats] | None = None
         self.keyframes = 0
         self._settled: Floats = np.zeros((1, 3))
+        self._stale = False
         self._guesses: list[Pose2] = []
         self._isam = self._fresh_isam()
 
@@ -136,15 +137,14 @@ class PoseGraph:
             self._rebuild(calibration, self._extended(poses))
             return summary
         if max((self._disagreement(self._factors[n]) for n in self._queued), default=0.0) > self._config.leap_m:
-            self._rebuild(self.calibration_values(), self._extended(self._settled))
+            self._rebuild(self.calibration_values(), self._extended(self._whole_estimate()))
             return summary
         try:
             self._step()
         except RuntimeError:
             self._rebuild(self._prior.values, self._extended(self._settled))
             return summary
-        if moves:
-            self._settled = self._whole_estimate()
+        self._stale = self._stale or moves
         return summary
 
     def settle(self) -> None:
@@ -153,7 +153,7 @@ class PoseGraph:
         try:
             for _ in range(self._config.settle_updates):
                 self._isam.update()
-            self._settled = self._whole_estimate()
+            self._stale = True
         except RuntimeError:
             self._rebuild(self._prior.values, self._settled)
 
@@ -191,7 +191,7 @@ class PoseGraph:
         self._slots, self._removed, self._restart = {}, [], None
         self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
         self._step()
-        self._settled = self._whole_estimate()
+        self._settled, self._stale = self._whole_estimate(), False
 
     def _step(self) -> None:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -240,9 +240,9 @@ class PoseGraph:
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`, as estimated now."""
-        if len(self._settled) == self.keyframes:
-            return self._settled.copy()
-        return self._whole_estimate()
+        if self._stale or len(self._settled) < self.keyframes:
+            self._settled, self._stale = self._whole_estimate(), False
+        return self._settled.copy()
 
     def calibration(self) -> WheelCalibration:
         """The wheels' calibration with its marginal sigmas."""
