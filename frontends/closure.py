@@ -1,6 +1,5 @@
 """From a loop candidate to a verdict: the bounded check by scan matching, and the gate against what is known."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,7 +21,9 @@ class ClosureConfig:
     radius_m: float = option(5.0, "m", "the paper: LiDAR closures between poses that the estimate puts this near")
     min_path_m: float = option(15.0, "m", "nearer along the path the local submap has already closed it")
     check_every_m: float = option(1.0, "m", "checks nearer to each other see the same walls")
-    closed_m: float = option(6.0, "m", "of way by the newest closures: nearer than this, another one would tell nothing new")
+    closed_m: float = option(
+        6.0, "m", "of way by the newest closures: nearer than this, another one would tell nothing new"
+    )
     submap_reach: int = option(7, "keyframes", "on each side of the candidate: 7 m of path")
     max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
     max_window_rad: float = option(0.5, "rad", "as above")
@@ -86,9 +87,7 @@ def check(
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    window = Window.of(
-        expected.covariance, config.gate_chi2, (0.4, 0.1), (config.max_window_m, config.max_window_rad)
-    )
+    window = Window.of(expected.covariance, config.gate_chi2, (0.4, 0.1), (config.max_window_m, config.max_window_rad))
     likelihood = build_field(submap.points, lidar.correlative)
     peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)

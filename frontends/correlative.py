@@ -45,9 +45,9 @@ class LikelihoodField:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """The poses to examine: within `xy_m` and `theta_rad` of the guess, and within `chi2` of it by `information` (3, 3).
+    """The poses to examine: within `xy_m` and `theta_rad` of the guess, and within `chi2` of it by `information`.
 
-    The information is about (x, y, theta) in the axes of the submap; zeros leave the whole box.
+    The information (3, 3) is about (x, y, theta) in the axes of the submap; zeros leave the whole box.
     """
 
     xy_m: float
@@ -57,7 +57,7 @@ class Window:
 
     @classmethod
     def of(cls, covariance: Floats, chi2: float, least: tuple[float, float], most: tuple[float, float]) -> "Window":
-        """The ellipse of `chi2` of a (3, 3) covariance, in a box of no less and no more than `least`, `most` (m, rad)."""
+        """The ellipse of `chi2` of a (3, 3) covariance, in a box between `least` and `most` (m, rad)."""
         sigma_m, sigma_rad = math.sqrt(max(covariance[0, 0], covariance[1, 1])), math.sqrt(covariance[2, 2])
         reach = math.sqrt(chi2)
         widened = covariance + np.diag([least[0] ** 2, least[0] ** 2, least[1] ** 2]) / chi2
@@ -87,9 +87,7 @@ def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
     return LikelihoodField(fine, _pool(fine), low, config.cell_m)
 
 
-def search(
-    points: Floats, field: LikelihoodField, guess: Pose2, window: Window, config: CorrelativeConfig
-) -> Peak:
+def search(points: Floats, field: LikelihoodField, guess: Pose2, window: Window, config: CorrelativeConfig) -> Peak:
     """The T_submap_scan in the `window` around `guess` that `points` (n, 2) fit best."""
     subset = points[:: max(1, len(points) // config.points)]
     half_angles = math.ceil(window.theta_rad / config.angle_step)
@@ -181,8 +179,10 @@ def _bound(cells: NDArray[np.int64], coarse: NDArray[np.float32], dr: int, dc: i
 
 @njit(cache=True)
 def _chi2(dx: float, dy: float, dtheta: float, information: Floats) -> float:
-    total: float = information[0, 0] * dx * dx + information[1, 1] * dy * dy + information[2, 2] * dtheta * dtheta
-    return total + 2 * (information[0, 1] * dx * dy + (information[0, 2] * dx + information[1, 2] * dy) * dtheta)
+    squares = information[0, 0] * dx * dx + information[1, 1] * dy * dy + information[2, 2] * dtheta * dtheta
+    products = information[0, 1] * dx * dy + (information[0, 2] * dx + information[1, 2] * dy) * dtheta
+    total: float = squares + 2 * products
+    return total
 
 
 @njit(cache=True)

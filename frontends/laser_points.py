@@ -92,8 +92,8 @@ def place_all(points: Floats, normals: Floats, lengths: NDArray[np.int64], poses
 def lines_along(points: Floats, origin: Floats, radius_m: float) -> tuple[Floats, Floats]:
     """Points (n, 2) in beam order, moved onto the line through their neighbours, and its unit normals (n, 2).
 
-    Up to NEIGHBOURS a side; one counts within `radius_m`, or within 2.5 times the beams' spacing there. The normals face
-    the sensor at `origin` (2,). Where no line fits, the point stays and its normal is NaN.
+    Up to NEIGHBOURS a side; one counts within `radius_m`, or within 2.5 times the beams' spacing. The normals face the
+    sensor at `origin` (2,). Where no line fits, the point stays and its normal is NaN.
     """
     n = points.shape[0]
     normals = np.full((n, 2), np.nan)
@@ -176,8 +176,9 @@ def _line(points: Floats, i: int, first: int, last: int, limit_m: float) -> tupl
 def thin(points: Floats, normals: Floats, origin: Floats, spacing_m: float) -> NDArray[np.int64]:
     """Indices of points (n, 2) in beam order, about `spacing_m` of wall apart; the sensor is at `origin` (2,).
 
-    Wall is measured by the angle between beams, not from point to point: else the beams' noise chooses the points, those
-    beyond a wall on one side of the sensor and before it on the other, and scan matching turns by 0.1 mrad a metre.
+    Wall is measured by the angle between beams, not from point to point: else the beams' noise chooses the points,
+    those beyond a wall on one side of the sensor and before it on the other, and scan matching turns by 0.1 mrad a
+    metre.
     """
     kept = np.empty(points.shape[0], np.int64)
     count = 0
@@ -196,7 +197,8 @@ def thin(points: Floats, normals: Floats, origin: Floats, spacing_m: float) -> N
 def _wall_between(before: Floats, ray: Floats, normal: Floats) -> float:
     """Length (m) of the wall of `normal` from one ray (2,) m to the next; from end to end where no normal is known."""
     facing = abs(ray[0] * normal[0] + ray[1] * normal[1])
-    if not facing > 0.1 * np.hypot(ray[0], ray[1]):
-        return np.hypot(ray[0] - before[0], ray[1] - before[1])
-    turned = abs(before[0] * ray[1] - before[1] * ray[0]) / np.hypot(before[0], before[1])
-    return turned * np.hypot(ray[0], ray[1]) / facing
+    wall_m: float = np.hypot(ray[0] - before[0], ray[1] - before[1])
+    if facing > 0.1 * np.hypot(ray[0], ray[1]):
+        turned = abs(before[0] * ray[1] - before[1] * ray[0]) / np.hypot(before[0], before[1])
+        wall_m = turned * np.hypot(ray[0], ray[1]) / facing
+    return wall_m

@@ -1,5 +1,7 @@
 """Closing loops with the laser: candidates from the estimate and from WiFi, checked, judged, taken back if wrong."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,10 +40,16 @@ class LidarCloser:
     """Adds factors to the graph for candidates that pass the check, and removes those that prove wrong."""
 
     def __init__(
-        self, graph: PoseGraph, keyframes: Keyframes, verdicts: Verdicts, closure: ClosureConfig, lidar: LidarConfig
+        self,
+        graph: PoseGraph,
+        keyframes: Keyframes,
+        verdicts: Verdicts,
+        closure: ClosureConfig,
+        lidar: LidarConfig,
+        timer: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
-        self._closure, self._lidar = closure, lidar
+        self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
         self._last_check_m = -np.inf
 
@@ -102,7 +110,8 @@ class LidarCloser:
         scans, placed, _ = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
         scan = self._keyframes[b].scan
         assert scan is not None
-        done = check(scan, scans, placed, expected, self._closure, self._lidar)
+        with self._timer("check"):
+            done = check(scan, scans, placed, expected, self._closure, self._lidar)
         if done is None:
             return []
         shown = CheckDone(
@@ -118,7 +127,7 @@ class LidarCloser:
         return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
 
     def _way_m(self, a: int, b: int) -> float:
-        """The shortest way (m) from a to b: the path between them, or along it to one of the newest closures and back."""
+        """The shortest way (m) from a to b: the path between them, or by one of the newest closures."""
         path = self._keyframes.paths_m
         closures = [self._verdicts[number] for number in list(self._accepted)[-REVIEWED:]]
         ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]

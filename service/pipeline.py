@@ -13,6 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
+from wayfi.frontends.laser_watch import LaserWatch
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
@@ -67,6 +68,7 @@ class Pipeline:
         self._laser: Sensor | None = None
         self._last_scan_path_m = -np.inf
         self._unmounted: set[str] = set()
+        self._laser_watch = LaserWatch()
 
     def process(self, measurement: Measurement) -> list[Event]:
         """Take one measurement; returns what became known by it, in order."""
@@ -118,6 +120,7 @@ class Pipeline:
             return
         for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
             yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
+        yield from self._laser_watch.pass_time(stamp_ns)
         yield from self._wifi.compare(stamp_ns)
         yield from self._advance(stamp_ns, m.pose)
 
@@ -161,14 +164,18 @@ class Pipeline:
         stamp_ns = yield from self._stamp(sensor, m.stamp_ns)
         if stamp_ns is None:
             return
-        if not sees_anything(m, self._config.lidar.max_range_m):
-            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
-            return
-        self._laser = self._laser or sensor
-        if sensor is not self._laser:
+        if sensor is not (self._laser or sensor):
             yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
             return
-        self._scans.wait(stamp_ns, m)
+        latest = self._wheels.latest
+        sweep = yield from self._laser_watch.take(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
+        if sweep is None:
+            return
+        if not sees_anything(sweep, self._config.lidar.max_range_m):
+            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
+            return
+        self._laser = sensor
+        self._scans.wait(stamp_ns, sweep)
         yield from self._use_scans()
         if self._laser_leads or self._scans.waited_ns > ODOMETRY_WAIT_NS:
             yield from self._lead_by_laser(stamp_ns)

@@ -20,6 +20,7 @@ from wayfi.service.drive import Drive
 from wayfi.service.pace import Pace
 from wayfi.service.results import Source, write_results
 from wayfi.service.stop_signal import StopSignal
+from wayfi.service.warm_up import warm_up
 
 Progress = Callable[[float], None]
 
@@ -71,6 +72,7 @@ def replay(
     drive = Drive(config, calibration, log)
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
+            warm_up(config)  # else the first tenth of the drive would pay for what is loaded once
             unused = _feed_all(recording, drive, options.rate, progress, stop)
         result = drive.finish()
     except BaseException:

@@ -63,7 +63,7 @@ class Slam:
         self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
         self._clouds = CloudOdometry(config.lidar)
         verdicts = Verdicts()
-        self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar)
+        self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
         self._wifi_closer = WifiCloser(
             self.graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi, self.wifi.confirm
         )

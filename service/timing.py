@@ -1,18 +1,23 @@
-"""How long each stage takes: measured beside the pipeline, never read by it."""
+"""How long each stage takes, in bounded memory: measured beside the pipeline, never read by it."""
 
+import math
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
+BIN = math.log(1.05)  # bins of equal ratio: a percentile is right to 2.5 %
+SHORTEST_S = 1e-7
+MOST_BLOCKS = 200
+
 
 class StageTimer:
-    """Seconds of every call of every stage."""
+    """What the calls of every stage cost."""
 
     def __init__(self) -> None:
-        self._seconds: defaultdict[str, list[float]] = defaultdict(list)
+        self._stages: defaultdict[str, StageCost] = defaultdict(StageCost)
         self._last: dict[str, float] = {}
 
     @contextmanager
@@ -21,7 +26,7 @@ class StageTimer:
         start = time.perf_counter()
         yield
         seconds = time.perf_counter() - start
-        self._seconds[stage].append(seconds)
+        self._stages[stage].add(seconds)
         self._last[stage] = seconds
 
     def take(self) -> dict[str, float]:
@@ -30,15 +35,69 @@ class StageTimer:
         return last
 
     def report(self) -> dict[str, dict[str, float]]:
-        """For each stage: seconds in all, and the p50, p99 and max of a call in ms."""
-        return {stage: _summary(np.array(seconds)) for stage, seconds in sorted(self._seconds.items())}
+        """For each stage: seconds in all; ms of a call: p50, p99, max, and the means of the first and last tenth."""
+        return {stage: cost.summary() for stage, cost in sorted(self._stages.items())}
 
 
-def _summary(seconds: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> dict[str, float]:
-    p50, p99 = np.percentile(seconds, [50, 99]) * 1e3
-    return {
-        "seconds": round(float(seconds.sum()), 3),
-        "p50_ms": round(float(p50), 3),
-        "p99_ms": round(float(p99), 3),
-        "max_ms": round(float(seconds.max()) * 1e3, 3),
-    }
+class StageCost:
+    """The seconds of a stage's calls: how often each length came, and how they add up along the drive."""
+
+    def __init__(self) -> None:
+        self._bins: Counter[int] = Counter()
+        self._longest_s = 0.0
+        self._along = CostAlong()
+
+    def add(self, seconds: float) -> None:
+        """Take one more call."""
+        self._bins[math.floor(math.log(max(seconds, SHORTEST_S)) / BIN)] += 1
+        self._longest_s = max(self._longest_s, seconds)
+        self._along.add(seconds)
+
+    def quantile_s(self, share: float) -> float:
+        """The length that `share` (0 to 1) of the one or more calls do not exceed, to 2.5 %."""
+        numbers = sorted(self._bins)
+        up_to = np.cumsum([self._bins[number] for number in numbers])
+        middle = numbers[int(np.searchsorted(up_to, share * up_to[-1]))] + 0.5
+        return min(math.exp(middle * BIN), self._longest_s)
+
+    def summary(self) -> dict[str, float]:
+        """What the report says of one or more calls."""
+        milliseconds = {
+            "p50_ms": self.quantile_s(0.5),
+            "p99_ms": self.quantile_s(0.99),
+            "max_ms": self._longest_s,
+            "first_tenth_ms": self._along.mean_s(0.0, 0.1),
+            "last_tenth_ms": self._along.mean_s(0.9, 1.0),
+        }
+        seconds = round(self._along.total_s, 3)
+        return {"seconds": seconds} | {name: round(s * 1e3, 3) for name, s in milliseconds.items()}
+
+
+class CostAlong:
+    """Seconds summed over blocks of equally many calls; when there are `MOST_BLOCKS`, pairs of them become one."""
+
+    def __init__(self) -> None:
+        self._calls = 0
+        self._block_calls = 1
+        self._blocks_s: list[float] = []
+
+    @property
+    def total_s(self) -> float:
+        """The seconds of all calls."""
+        return math.fsum(self._blocks_s)
+
+    def add(self, seconds: float) -> None:
+        """Take one more call."""
+        if self._calls == self._block_calls * MOST_BLOCKS:
+            self._blocks_s = [a + b for a, b in zip(self._blocks_s[::2], self._blocks_s[1::2], strict=True)]
+            self._block_calls *= 2
+        if self._calls == self._block_calls * len(self._blocks_s):
+            self._blocks_s.append(0.0)
+        self._blocks_s[-1] += seconds
+        self._calls += 1
+
+    def mean_s(self, begin: float, end: float) -> float:
+        """The mean of the calls from share `begin` to share `end` of all; the calls of one block count alike."""
+        ends = np.minimum(self._block_calls * np.arange(len(self._blocks_s) + 1), self._calls)
+        before, up_to = np.interp(np.array([begin, end]) * self._calls, ends, np.cumsum([0.0, *self._blocks_s]))
+        return float(up_to - before) / ((end - begin) * self._calls)

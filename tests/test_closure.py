@@ -9,7 +9,15 @@ import pytest
 from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.closure import Check, ClosureConfig, check, innovation_chi2, nearest_candidate
+from wayfi.frontends.closure import (
+    Check,
+    ClosureConfig,
+    Expected,
+    at_one_place,
+    check,
+    innovation_chi2,
+    nearest_candidate,
+)
 from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.recordings.simulation.surfaces import box
@@ -26,7 +34,9 @@ def checked(faces: Floats, a: Pose2, b: Pose2, guess: Pose2, covariance: Floats 
     rng = np.random.default_rng(seed)
     ways = [Pose2(0.5 * k, 0.0, 0.0) for k in range(-2, 3)]
     scans = [see(faces, a @ way, rng) for way in ways]
-    done = check(see(faces, b, rng), scans, np.array([w.array() for w in ways]), guess, covariance, CONFIG, LIDAR)
+    done = check(
+        see(faces, b, rng), scans, np.array([w.array() for w in ways]), Expected(guess, covariance), CONFIG, LIDAR
+    )
     assert done is not None
     return done
 
@@ -44,7 +54,7 @@ def test_a_place_seen_again_is_found_from_a_metre_off(seed: int) -> None:
     assert done.inlier_ratio > 0.75
     assert done.second_peak < CONFIG.max_second_peak
     assert (np.sqrt(np.diag(done.covariance))[:2] >= CONFIG.sigma_floor_m).all()
-    assert innovation_chi2(done.T_a_b, done.covariance, T_a_b, 0 * WIDE) < 16.27
+    assert innovation_chi2(Expected(done.T_a_b, done.covariance), T_a_b, 0 * WIDE) < 16.27
 
 
 def test_another_room_is_refused_for_its_walls() -> None:
@@ -52,15 +62,22 @@ def test_another_room_is_refused_for_its_walls() -> None:
     scans = [see(HALL, Pose2(0.5 * k, -2.0, 0.0), rng) for k in range(3)]
     ways = np.array([[0.5 * k, 0.0, 0.0] for k in range(3)])
     other = np.concatenate([box(-1.0, -12.0, 0.7, 2.0), box(0.2, 0.5, 0.5, 1.0)])
-    done = check(see(other, Pose2(0.0, -2.0, 0.0), rng), scans, ways, Pose2(), WIDE, CONFIG, LIDAR)
+    done = check(see(other, Pose2(0.0, -2.0, 0.0), rng), scans, ways, Expected(Pose2(), WIDE), CONFIG, LIDAR)
     assert done is not None
     assert "inlier ratio" in done.refused
 
 
-def test_a_corridor_is_refused_as_ambiguous() -> None:
+def test_a_corridor_is_refused_since_it_looks_alike_along_its_walls() -> None:
     done = checked(CORRIDOR, Pose2(), Pose2(0.5, 0.0, 0.0), Pose2(0.5, 0.0, 0.0), np.diag([1.0, 0.04, 0.01]))
-    assert "ambiguous" in done.refused
+    assert "ambiguous" in done.refused or "open along" in done.refused
     assert done.second_peak > CONFIG.max_second_peak
+
+
+def test_a_place_out_of_the_ellipse_is_not_looked_for() -> None:
+    narrow = np.diag([0.02**2, 0.02**2, 0.01**2])
+    done = checked(HALL, Pose2(), Pose2(1.0, 0.0, 0.0), Pose2(), narrow)
+    assert done.refused
+    assert done.T_a_b.distance(Pose2()) < 0.9
 
 
 def test_a_room_with_two_ends_alike_is_refused_where_the_heading_is_open() -> None:
@@ -68,7 +85,7 @@ def test_a_room_with_two_ends_alike_is_refused_where_the_heading_is_open() -> No
     rng = np.random.default_rng(1)
     scans = [see(room, Pose2(0.0, 0.0, heading), rng) for heading in (0.0, math.pi)]
     ways, open_heading = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]]), np.diag([0.1, 0.1, 2.0])
-    done = check(see(room, Pose2(0.2, 0.1, 0.1), rng), scans, ways, Pose2(), open_heading, wide, LIDAR)
+    done = check(see(room, Pose2(0.2, 0.1, 0.1), rng), scans, ways, Expected(Pose2(), open_heading), wide, LIDAR)
     assert done is not None
     assert "ambiguous" in done.refused
 
@@ -76,8 +93,8 @@ def test_a_room_with_two_ends_alike_is_refused_where_the_heading_is_open() -> No
 def test_without_points_there_is_nothing_to_check() -> None:
     seen = see(HALL, Pose2(), np.random.default_rng(0))
     empty = ScanPoints(np.empty((0, 2)), np.empty((0, 2)), Pose2())
-    assert check(seen, [], np.empty((0, 3)), Pose2(), WIDE, CONFIG, LIDAR) is None
-    assert check(empty, [seen], np.zeros((1, 3)), Pose2(), WIDE, CONFIG, LIDAR) is None
+    assert check(seen, [], np.empty((0, 3)), Expected(Pose2(), WIDE), CONFIG, LIDAR) is None
+    assert check(empty, [seen], np.zeros((1, 3)), Expected(Pose2(), WIDE), CONFIG, LIDAR) is None
 
 
 # Candidates
@@ -118,9 +135,24 @@ def test_innovations_drawn_from_their_covariances_are_chi2_distributed() -> None
     draws = rng.multivariate_normal(np.zeros(3), P + R, 4000)
     predicted = Pose2(3.0, -2.0, 3.1)
     measured = [Pose2(3.0 + x, -2.0 + y, wrap(3.1 + t)) for x, y, t in draws]
-    full = np.array([innovation_chi2(predicted, P, m, R) for m in measured])
+    full = np.array([innovation_chi2(Expected(predicted, P), m, R) for m in measured])
     for share in (0.5, 0.95):
         assert (full < chi2.ppf(share, 3)).mean() == pytest.approx(share, abs=0.03)
+
+
+def test_two_places_said_to_be_one_draw_what_is_expected_between_them() -> None:
+    loose = Expected(Pose2(10.0, -4.0, 0.3), np.diag([36.0, 36.0, 0.04]))
+    place_a, place_b = np.array([0.2, 0.1]), np.array([-0.3, 0.2])
+    nearer, disagreement = at_one_place(loose, place_a, place_b, 0.5)
+    apart = nearer.T_a_b.transform(place_b[None])[0] - place_a
+    assert math.hypot(*apart) < 0.2
+    assert disagreement == pytest.approx((10.0**2 + 4.0**2) / 36.25, rel=0.1)
+    assert np.linalg.eigvalsh(nearer.covariance)[0] > 0
+    assert np.sqrt(np.diag(nearer.covariance))[:2].max() < 0.55
+    firm = Expected(Pose2(10.0, -4.0, 0.3), np.diag([1e-4, 1e-4, 1e-6]))
+    unmoved, disagreement = at_one_place(firm, place_a, place_b, 0.5)
+    assert unmoved.T_a_b.distance(firm.T_a_b) < 0.01
+    assert disagreement > CONFIG.gate_chi2
 
 
 def test_the_gate_lets_the_share_of_true_closures_pass_that_it_names() -> None:

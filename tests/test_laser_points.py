@@ -181,11 +181,11 @@ def test_thinning_does_not_choose_points_by_their_noise() -> None:
 
 
 def test_points_of_a_wall_are_moved_onto_it() -> None:
-    points = walls_of_a_corridor(np.random.default_rng(3), 0.02)
+    points = walls_of_a_corridor(np.random.default_rng(3), 0.003)
     placed, normals = lines_along(points, np.zeros(2), 0.2)
     seen = np.isfinite(normals[:, 0]) & (np.abs(points[:, 0]) < 2.0)
     noise = (np.abs(points[seen, 1]) - 1.2).std()
-    assert (np.abs(placed[seen, 1]) - 1.2).std() < 0.6 * noise
+    assert (np.abs(placed[seen, 1]) - 1.2).std() < 0.7 * noise
 
 
 # Motion during a sweep

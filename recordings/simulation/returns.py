@@ -55,7 +55,7 @@ def _comes_back(seen: Hits, reach_m: float, luck: Random) -> NDArray[np.bool_]:
     """Whether enough light of each beam does."""
     albedo = np.array([ALBEDO[material] for material in Material])
     reach = reach_m * np.sqrt(albedo[seen.material] * seen.incidence)
-    return np.asarray(luck * (1.0 + (seen.range_m / np.maximum(reach, 1e-3)) ** FADING) < 1.0)
+    return np.asarray(luck < 1.0 / (1.0 + (seen.range_m / np.maximum(reach, 1e-3)) ** FADING))
 
 
 def _mixed(range_m: Floats, luck: Random, share: Random) -> Floats:

@@ -3,31 +3,36 @@
     python tests/benchmarks/run.py [--only NAME ...] [--write]
 
 Each replay runs in a process of its own, with session.rrd and map. Simulated recordings are made once, into
-build/benchmarks; --write appends the figures to RESULTS.md.
+build/benchmarks/rough; --write appends the figures to RESULTS.md.
 """
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
-from wayfi.service.evaluate import evaluate
+from wayfi.recordings.tables import ClosureRow
+from wayfi.service.evaluate import Evaluation, TrajectoryScore, evaluate
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL, MADE, RESULTS = (
     ROOT.parent / "shared" / "data",
-    ROOT / "build" / "benchmarks",
+    ROOT / "build" / "benchmarks" / "rough",
     Path(__file__).with_name("RESULTS.md"),
 )
 WITHOUT_LASER = ("--set", "lidar.enabled=false")
+WITHOUT_WIFI = ("--set", "wifi.enabled=false")
 SHOWN_STAGES = 5
 
 
@@ -55,22 +60,25 @@ CASES = [
     Case("intel", REAL / "intel"),
     Case("intel_wifi (its WiFi is simulated)", REAL / "intel_wifi"),
     Case("intel_wifi (its WiFi is simulated), laser off", REAL / "intel_wifi", WITHOUT_LASER),
-    Case("simulated car park", MADE / "carpark", world=World.CARPARK),
-    Case("simulated car park, laser off", MADE / "carpark", WITHOUT_LASER, World.CARPARK),
-    Case("simulated office", MADE / "office", world=World.OFFICE),
-    Case("simulated office, laser off", MADE / "office", WITHOUT_LASER, World.OFFICE),
-    Case("simulated warehouse", MADE / "warehouse", world=World.WAREHOUSE),
-    Case("simulated warehouse, laser off", MADE / "warehouse", WITHOUT_LASER, World.WAREHOUSE),
+    Case("simulated car park, rough", MADE / "carpark", world=World.CARPARK),
+    Case("simulated car park, rough, laser off", MADE / "carpark", WITHOUT_LASER, World.CARPARK),
+    Case("simulated office, rough", MADE / "office", world=World.OFFICE),
+    Case("simulated office, rough, laser off", MADE / "office", WITHOUT_LASER, World.OFFICE),
+    Case("simulated warehouse, rough", MADE / "warehouse", world=World.WAREHOUSE),
+    Case("simulated warehouse, rough, laser off", MADE / "warehouse", WITHOUT_LASER, World.WAREHOUSE),
+    Case("simulated campus, rough", MADE / "campus", world=World.CAMPUS),
+    Case("simulated campus, rough, WiFi off", MADE / "campus", WITHOUT_WIFI, World.CAMPUS),
 ]
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What came out of a case: the report of the replay, its evaluation, and the size of its log."""
+    """What came out of a case: the replay's report and evaluation, its CPU seconds, and the size of its log."""
 
     case: Case
     report: dict[str, Any]
-    scores: dict[str, Any]
+    evaluation: Evaluation
+    cpu_s: float
     rrd_mb: float
 
     @property
@@ -80,21 +88,49 @@ class Measured:
 
     def figures(self) -> list[str]:
         """The cells of the table after the name."""
+        scores, stages = self.evaluation.to_dict(), self.report["stages"]
         return [
-            f"{self.scores['final']['ate_rmse_m']:.3f}",
-            f"{self.scores['online']['ate_rmse_m']:.3f}",
-            *(closures(self.scores["closures"][kind]) for kind in ("wifi", "lidar")),
+            f"{scores['final']['ate_rmse_m']:.3f}",
+            f"{scores['online']['ate_rmse_m']:.3f}",
+            relations(self.evaluation.final),
+            *(closures(scores["closures"][kind]) for kind in ("wifi", "lidar")),
+            checks(self.evaluation.rows),
+            check_ms(stages),
+            f"{self.cpu_s:.1f}",
             f"{self.report['recording_s'] / self.wall_s:.0f}",
+            f"{stages['process']['last_tenth_ms'] / stages['process']['first_tenth_ms']:.2f}",
             f"{self.report['peak_memory_mb']:.0f}",
             f"{self.rrd_mb:.0f}",
-            stage_shares(self.report["stages"], self.wall_s),
+            stage_shares(stages, self.wall_s),
         ]
 
 
 COLUMNS = [
-    *("recording", "final ATE, m", "online ATE, m", "WiFi closures", "LiDAR closures"),
-    *("times real time", "peak MB", ".rrd MB", "stages, % of wall time"),
+    *("recording", "final ATE, m", "online ATE, m", "relations, all / on scans, m", "WiFi closures", "LiDAR closures"),
+    *("checks", "check ms, p50 / p99 / max", "CPU s", "times real time", "last tenth / first tenth"),
+    *("peak MB", ".rrd MB", "stages, % of wall time"),
 ]
+
+
+def relations(final: TrajectoryScore) -> str:
+    """The mean translation error of the hand-checked relations, over all and where both ends are on scans."""
+    if final.relations is None or final.relations_on_scan is None:
+        return ""
+    errors = (final.relations, final.relations_on_scan)
+    return " / ".join(f"{error.translation_mean_m:.3f}" if error.scored else "none" for error in errors)
+
+
+def checks(rows: list[ClosureRow]) -> str:
+    """How many checks by the laser there were, by their verdict at the end."""
+    counts = Counter(row.verdict.value for row in rows if row.kind is ClosureKind.LIDAR)
+    return ", ".join(f"{verdict} {n}" for verdict, n in sorted(counts.items()))
+
+
+def check_ms(stages: dict[str, dict[str, float]]) -> str:
+    """What a check by the laser took."""
+    if "check" not in stages:
+        return ""
+    return " / ".join(f"{stages['check'][name]:.1f}" for name in ("p50_ms", "p99_ms", "max_ms"))
 
 
 def closures(score: dict[str, Any]) -> str:
@@ -108,10 +144,12 @@ def closures(score: dict[str, Any]) -> str:
 
 
 def stage_shares(stages: dict[str, Any], wall_s: float) -> str:
-    """The stages that take longest; `process` is what is in none of the others inside it."""
+    """The stages that take longest, each without the stages inside it."""
     seconds = {name: stage["seconds"] for name, stage in stages.items()}
     inside = ("scan_points", "scan_matching", "backend", "wifi", "closure")
     seconds["process"] -= sum(seconds.get(name, 0.0) for name in inside)
+    if "check" in seconds:
+        seconds["closure"] -= seconds["check"]
     longest = sorted(seconds.items(), key=lambda item: -item[1])[:SHOWN_STAGES]
     return ", ".join(f"{name} {100 * s / wall_s:.0f}" for name, s in longest)
 
@@ -132,9 +170,18 @@ def measure(case: Case) -> Measured:
         if case.taught:
             replay(case.taught, Path(made) / "before")
             options += ["--calibration", str(Path(made) / "before" / "calibration.toml")]
+        before_s = children_cpu_s()
         report = replay(case.folder, out, *options)
-        scores = evaluate(out, case.folder / "truth.tum").to_dict()
-        return Measured(case, report, scores, (out / "session.rrd").stat().st_size / 1e6)
+        cpu_s = children_cpu_s() - before_s
+        relations_path = case.folder / "relations.txt"
+        evaluation = evaluate(out, case.folder / "truth.tum", relations_path if relations_path.exists() else None)
+        return Measured(case, report, evaluation, cpu_s, (out / "session.rrd").stat().st_size / 1e6)
+
+
+def children_cpu_s() -> float:
+    """CPU seconds of the processes that have ended under this one, theirs included."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def replay(folder: Path, out: Path, *options: str) -> dict[str, Any]:
@@ -163,7 +210,8 @@ def result_rows(measured: Measured) -> Iterator[str]:
     how = "wayfi replay, defaults" + (f", {' '.join(measured.case.options)}" if measured.case.options else "")
     head = [f"{datetime.now(UTC):%Y-%m-%d}", commit(), measured.case.name]
     for name, value in zip(COLUMNS[1:], measured.figures(), strict=True):
-        yield row([*head, f"{name}: {value}", how])
+        if value:
+            yield row([*head, f"{name}: {value}", how])
 
 
 def chosen(only: list[str]) -> Iterator[Case]:
