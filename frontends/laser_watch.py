@@ -29,13 +29,13 @@ CEILING_SCANS = 5
 
 Sweep = LaserScan | PointCloud
 
-_TEXTS = {
+TEXTS = {
     BLOCKED: "something covers it; such scans are not used",
     FEW_RETURNS: "few of its beams return (glass, dirt, or a place wider than its range)",
     LATE: f"its scans are {LATE_NS / SECOND_NS} s and more behind the odometry: they come late, or its clock is slow",
     SILENT: f"no scan for {SILENT_S} s",
 }
-_ENDS = {
+ENDS = {
     BLOCKED: "it sees again",
     FEW_RETURNS: "its beams return again",
     LATE: "its scans come in time again",
@@ -92,7 +92,7 @@ class LaserWatch:
         if lasts == (fault in self._complaints):
             return
         self._complaints ^= {fault}
-        said = f"laser: {_TEXTS[fault] if lasts else _ENDS[fault]}"
+        said = f"laser: {TEXTS[fault] if lasts else ENDS[fault]}"
         yield Warned(stamp_ns, said, f"laser.{fault}", ends=not lasts)
 
 

@@ -31,9 +31,7 @@ class LidarConfig:
 
     enabled: bool = option(True, "", "false runs on wheels and WiFi alone")
     max_range_m: float = option(25.0, "m", "beyond it beams are too far apart to find walls again")
-    thinning_m: float = option(
-        0.06, "m", "of wall between kept points: half the time of ICP; small rooms keep enough"
-    )
+    thinning_m: float = option(0.06, "m", "of wall between kept points: half the time of ICP; small rooms keep enough")
     normal_radius_m: float = option(0.2, "m", "neighbours that make a wall")
     submap_keyframes: int = option(15, "", "8 m of path: long enough to average noise, short enough not to bend")
     min_points: int = option(30, "", "fewer do not fix a pose")

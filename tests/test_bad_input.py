@@ -17,6 +17,7 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.laser_watch import ENDS, FEW_RETURNS, LATE, TEXTS
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.tum import read_tum
@@ -63,6 +64,11 @@ def clock_complaints(where: str) -> tuple[str, ...]:
     """What is said of the two phones."""
     advice = "its scans are not used (set its clock, or send them sooner)"
     return tuple(f"WiFi receiver 'phone_{n}': its stamps are {where} the odometry's; {advice}" for n in "ab")
+
+
+def laser_complaint(fault: str, ends: bool = False) -> tuple[str, ...]:
+    """What is said of the laser."""
+    return (f"laser: {TEXTS[fault]}",) + ((f"laser: {ENDS[fault]}",) if ends else ())
 
 
 def some_of(kind: Any, numbers: list[int], how: Callable[[Arrival], Arrival]) -> Faulty:  # noqa: ANN401 - a class
@@ -203,7 +209,10 @@ FAULTS = {
     ),
     "scans a second late": Fault(all_of(LaserScan, lambda a: a.delayed(1.0)), {}),
     "scans half a minute late": Fault(
-        all_of(LaserScan, lambda a: a.delayed(35.0)), {"/scan": {"too_late": 300}}, bound_m=WHEELS_M
+        all_of(LaserScan, lambda a: a.delayed(35.0)),
+        {"/scan": {"too_late": 300}},
+        bound_m=WHEELS_M,
+        warnings=laser_complaint(LATE, ends=True),
     ),
     "WiFi half a minute late": Fault(
         all_of(WifiScan, lambda a: a.delayed(35.0)),
@@ -214,10 +223,15 @@ FAULTS = {
         some_of(LaserScan, [100], lambda a: a.delayed(0.35)), {"/scan": {"stamp_jumped_back": 1}}
     ),
     "scans without a return": Fault(
-        some_of(LaserScan, list(range(100, 120)), silent_scan), {"/scan": {"no_return": 20}}
+        some_of(LaserScan, list(range(100, 120)), silent_scan),
+        {"/scan": {"no_return": 20}},
+        warnings=laser_complaint(FEW_RETURNS, ends=True),
     ),
     "nothing but scans without a return": Fault(
-        all_of(LaserScan, silent_scan), {"/scan": {"no_return": 600}}, bound_m=WHEELS_M
+        all_of(LaserScan, silent_scan),
+        {"/scan": {"no_return": 600}},
+        bound_m=WHEELS_M,
+        warnings=laser_complaint(FEW_RETURNS),
     ),
     "half of all beams without a return": Fault(all_of(LaserScan, half_silent_scan), {}),
     "WiFi scans without readings": Fault(some_of(WifiScan, [3, 30, 59], emptied), {"/wifi": {"no_readings": 3}}),
@@ -467,7 +481,7 @@ def test_an_exception_leaves_what_was_logged(whole: Path, tmp_path: Path) -> Non
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 1
     assert "out of luck" in done.stderr
-    assert logged_poses(tmp_path / "session.rrd") > 35
+    assert logged_poses(tmp_path / "session.rrd") > 30
 
 
 def wait_until_still(path: Path) -> None:
