@@ -11,6 +11,7 @@ from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.measurements import LaserScan, StaticTransform
 
 NEIGHBOURS = 5  # to each side of a beam that may make a wall with it
+CORNER_M = 0.03  # a line thicker than this may be two: beyond what noise makes of a wall
 SHADOW_M, SHADOW_RAD = 0.1, 0.1  # from an edge to what lies behind it: a gap this long, this near to the ray
 NEAREST_M = 0.02  # nearer is the sensor's own window, whatever the message says
 
@@ -110,7 +111,7 @@ def lines_along(points: Floats, origin: Floats, radius_m: float) -> tuple[Floats
         before = _line(points, i, first, i + 1, limit)
         after = _line(points, i, i, last, limit)
         side = before if before[4] < after[4] else after
-        if side[4] < 0.25 * line[4]:
+        if line[4] > CORNER_M * CORNER_M and side[4] < 0.25 * line[4] and not np.isnan(side[2]):
             line = side
         nx, ny = line[2], line[3]
         if np.isnan(nx):
@@ -149,7 +150,7 @@ def _limit(points: Floats, i: int, radius_m: float) -> float:
 def _line(points: Floats, i: int, first: int, last: int, limit_m: float) -> tuple[float, float, float, float, float]:
     """The line through points first..last (excluded) near point i: its middle from point i, its normal, its thickness.
 
-    The normal is NaN and the thickness (a variance, m^2) infinite where there is no line.
+    Where there is no line, the normal is NaN. The thickness is a variance, m^2; infinite of fewer than 3 points.
     """
     count, mx, my, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(first, last):
@@ -166,10 +167,11 @@ def _line(points: Floats, i: int, first: int, last: int, limit_m: float) -> tupl
     mx, my = mx / count, my / count
     sxx, sxy, syy = sxx / count - mx * mx, sxy / count - mx * my, syy / count - my * my
     mean, spread = 0.5 * (sxx + syy), np.hypot(0.5 * (sxx - syy), sxy)
+    thickness = max(mean - spread, 0.0) * count / (count - 2)
     if mean + spread < 1e-8 or (mean - spread) > 0.1 * (mean + spread):
-        return 0.0, 0.0, np.nan, np.nan, np.inf
+        return 0.0, 0.0, np.nan, np.nan, thickness
     angle = 0.5 * np.arctan2(2 * sxy, sxx - syy) + np.pi / 2
-    return mx, my, np.cos(angle), np.sin(angle), max(mean - spread, 0.0) * count / (count - 2)
+    return mx, my, np.cos(angle), np.sin(angle), thickness
 
 
 @njit(cache=True)
