@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.health import position_sigma
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
 from wayfi.frontends.consensus import ConsensusConfig
@@ -12,6 +13,8 @@ from wayfi.frontends.correlative import Window, build_field, search
 from wayfi.frontends.icp import icp
 from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig, match_covariance, merge_submap
+
+LEAST_WINDOW = (0.4, 0.1)  # m, rad: searched however sure the estimate is, for it may be sure and wrong
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,8 @@ def check(
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    window = Window.of(expected.covariance, config.gate_chi2, (0.4, 0.1), (config.max_window_m, config.max_window_rad))
+    most = (config.max_window_m, config.max_window_rad)
+    window = Window.of(expected.covariance, config.gate_chi2, LEAST_WINDOW, most)
     likelihood = build_field(submap.points, lidar.correlative)
     peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
@@ -98,7 +102,7 @@ def check(
     refused = ""
     if result.inlier_ratio < config.min_inlier_ratio:
         refused = f"inlier ratio {result.inlier_ratio:.2f} under {config.min_inlier_ratio}"
-    elif max(covariance[0, 0], covariance[1, 1]) > config.max_sigma_m**2:
+    elif position_sigma(covariance) > config.max_sigma_m:
         refused = "the walls leave the pose open along them"
     elif second > config.max_second_peak:
         refused = f"ambiguous: second peak {second:.2f} of the best"

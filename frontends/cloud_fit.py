@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.icp import IcpResult
+from wayfi.frontends.line_fit import line_through
+from wayfi.frontends.point_index import block_around, sort_by_cell
 
 GATE_M = 0.5  # also the side of a cell: nearest points are looked for in 3 x 3 of them
 CLUSTER_CELLS = 2
@@ -35,11 +37,12 @@ def fit_cloud(points: Floats, map_points: Floats, start: Pose2, guess: Pose2, pr
     """
     if len(points) == 0 or len(map_points) == 0:
         return IcpResult(start, np.zeros((3, 3)), 0.0, 0.0)
-    index = _by_cell(map_points)
+    order, cells = sort_by_cell(map_points, GATE_M)
+    map_points = map_points[order]
     walls = np.full((len(map_points), 4), np.nan)
     pose = start.array()
     for _ in range(ITERATIONS):
-        hessian, scatter, gradient, inliers, residual = _fit(points, *index, walls, pose)
+        hessian, scatter, gradient, inliers, residual = _fit(points, map_points, *cells, walls, pose)
         step = _step(hessian, scatter, gradient, guess.array() - pose, prior)
         pose += step
         if np.hypot(step[0], step[1]) < SETTLED_M and abs(step[2]) < SETTLED_RAD:
@@ -57,31 +60,9 @@ def _step(hessian: Floats, scatter: Floats, gradient: Floats, to_guess: Floats, 
 
 
 @njit(cache=True)
-def _by_cell(points: Floats) -> tuple[Floats, NDArray[np.int64], Floats, int, int]:
-    """Points (p, 3) sorted by cell in the plane; cell (i, j) holds rows `starts[i * columns + j]` to the next start."""
-    low, high = points[0, :2].copy(), points[0, :2].copy()
-    for i in range(len(points)):
-        for axis in range(2):
-            low[axis] = min(low[axis], points[i, axis])
-            high[axis] = max(high[axis], points[i, axis])
-    rows, columns = int((high[0] - low[0]) / GATE_M) + 1, int((high[1] - low[1]) / GATE_M) + 1
-    cells = np.empty(len(points), np.int64)
-    starts = np.zeros(rows * columns + 1, np.int64)
-    for i in range(len(points)):
-        cells[i] = int((points[i, 0] - low[0]) / GATE_M) * columns + int((points[i, 1] - low[1]) / GATE_M)
-        starts[cells[i] + 1] += 1
-    starts = np.cumsum(starts)
-    cursor, ordered = starts[:-1].copy(), np.empty_like(points)
-    for i in range(len(points)):
-        ordered[cursor[cells[i]]] = points[i]
-        cursor[cells[i]] += 1
-    return ordered, starts, low, rows, columns
-
-
-@njit(cache=True)
 def _fit(
-    points: Floats, map_points: Floats, starts: NDArray[np.int64], low: Floats, rows: int, columns: int,
-    walls: Floats, pose: Floats,
+    points: Floats, map_points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int,
+    columns: int, walls: Floats, pose: Floats,
 ) -> tuple[Floats, Floats, Floats, int, float]:  # fmt: skip
     """Hessian, scatter of the gradients (3, 3), gradient (3,), the inliers and their mean distance, at a pose.
 
@@ -96,11 +77,11 @@ def _fit(
     for i in range(len(points)):
         rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         x, y = rx + pose[0], ry + pose[1]
-        k, distance = _nearest(x, y, points[i, 2], map_points, starts, low, rows, columns)
+        k, distance = _nearest(x, y, points[i, 2], map_points, starts, origin, cell_m, rows, columns)
         if k < 0:
             continue
         if np.isnan(walls[k, 0]):
-            walls[k] = _wall(k, map_points, starts, low, rows, columns)
+            walls[k] = _wall(k, map_points, starts, origin, cell_m, rows, columns)
         nx, ny = walls[k, 0], walls[k, 1]
         error = nx * (x - walls[k, 2]) + ny * (y - walls[k, 3])
         off = abs(error) if nx != 0.0 or ny != 0.0 else distance
@@ -109,8 +90,8 @@ def _fit(
             total += off
         weight = 1.0 / (1.0 + (error / KERNEL_M) ** 2)
         across[0], across[1], across[2] = nx, ny, ny * rx - nx * ry
-        row = int((map_points[k, 0] - low[0]) / GATE_M) // CLUSTER_CELLS
-        column = int((map_points[k, 1] - low[1]) / GATE_M) // CLUSTER_CELLS
+        row = int((map_points[k, 0] - origin[0]) / cell_m) // CLUSTER_CELLS
+        column = int((map_points[k, 1] - origin[1]) / cell_m) // CLUSTER_CELLS
         for a in range(3):
             clusters[row * broad + column, a] += weight * error * across[a]
             for b in range(3):
@@ -122,14 +103,14 @@ def _fit(
 
 @njit(cache=True)
 def _nearest(
-    x: float, y: float, z: float, points: Floats, starts: NDArray[np.int64], low: Floats, rows: int, columns: int
-) -> tuple[int, float]:
+    x: float, y: float, z: float,
+    points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int, columns: int,
+) -> tuple[int, float]:  # fmt: skip
     """Row and distance of the point nearest to x, y, z within GATE_M; -1 if there is none."""
     best, best_square = -1, GATE_M * GATE_M
-    row, column = int(np.floor((x - low[0]) / GATE_M)), int(np.floor((y - low[1]) / GATE_M))
-    first, last = max(column - 1, 0), min(column + 2, columns)
-    for r in range(max(row - 1, 0), min(row + 2, rows) if first < last else 0):
-        for k in range(starts[r * columns + first], starts[r * columns + last]):
+    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
+    for r in range(top, bottom):
+        for k in range(starts[r * columns + left], starts[r * columns + right]):
             square = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
             if square < best_square:
                 best, best_square = k, square
@@ -138,23 +119,19 @@ def _nearest(
 
 @njit(cache=True)
 def _wall(
-    at: int, points: Floats, starts: NDArray[np.int64], low: Floats, rows: int, columns: int
+    at: int, points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int, columns: int
 ) -> tuple[float, float, float, float]:
     """Level unit normal and middle of the wall that the points around one make; 0, 0 for the normal where none is."""
     x, y, z = points[at]
-    n, mx, my, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    row, column = int((x - low[0]) / GATE_M), int((y - low[1]) / GATE_M)
-    first, last = max(column - 1, 0), min(column + 2, columns)
-    for r in range(max(row - 1, 0), min(row + 2, rows)):
-        for k in range(starts[r * columns + first], starts[r * columns + last]):
+    count, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
+    for r in range(top, bottom):
+        for k in range(starts[r * columns + left], starts[r * columns + right]):
             dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
             if dx * dx + dy * dy + dz * dz < WALL_RADIUS_M**2:
-                n, mx, my = n + 1, mx + dx, my + dy
+                count, sx, sy = count + 1, sx + dx, sy + dy
                 sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
-    mx, my = mx / n, my / n
-    sxx, sxy, syy = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
-    mean, spread = 0.5 * (sxx + syy), np.hypot(0.5 * (sxx - syy), sxy)
-    if n < 4 or mean - spread > 0.1 * (mean + spread):
+    mx, my, nx, ny, _ = line_through(count, sx, sy, sxx, sxy, syy)
+    if count < 4 or np.isnan(nx):
         return 0.0, 0.0, x, y
-    angle = 0.5 * np.arctan2(2 * sxy, sxx - syy) + 0.5 * np.pi
-    return np.cos(angle), np.sin(angle), x + mx, y + my
+    return nx, ny, x + mx, y + my

@@ -49,7 +49,7 @@ class CloudOdometry:
         fit = fit_cloud(thinned, map_points, aligned, expected, prior)
         covariance = R.T @ match_covariance(fit, self._floors) @ R
         alone = self._pose.between(without_prior(fit, expected, prior, self._config))
-        match = ScanMatch(alone, covariance, fit.inlier_ratio, fit.residual_m, searched=False)
+        match = ScanMatch(alone, covariance, fit.inlier_ratio, fit.residual_m)
         if fit.inlier_ratio < self._config.min_inlier_ratio:
             self._begin(thinned)
         else:

@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.frontends.line_fit import line_through
 from wayfi.frontends.measurements import LaserScan, StaticTransform
 
 NEIGHBOURS = 5  # to each side of a beam that may make a wall with it
@@ -20,8 +21,7 @@ NEAREST_M = 0.02  # nearer is the sensor's own window, whatever the message says
 class ScanPoints:
     """One sweep in base_link at one moment: `points` (n, 2) m, their `normals` (n, 2; NaN where unknown).
 
-    `T_base_laser` is where the sensor stands; `free_ends` (m, 2) m are the ends of beams without a return that may be
-    taken as free.
+    `T_base_laser` is where the sensor stands.
     """
 
     points: Floats
@@ -152,26 +152,20 @@ def _line(points: Floats, i: int, first: int, last: int, limit_m: float) -> tupl
 
     Where there is no line, the normal is NaN. The thickness is a variance, m^2; infinite of fewer than 3 points.
     """
-    count, mx, my, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    count, x, y, xx, xy, yy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(first, last):
         dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
         if dx * dx + dy * dy <= limit_m * limit_m:
             count += 1
-            mx += dx
-            my += dy
-            sxx += dx * dx
-            sxy += dx * dy
-            syy += dy * dy
+            x += dx
+            y += dy
+            xx += dx * dx
+            xy += dx * dy
+            yy += dy * dy
     if count < 3:
         return 0.0, 0.0, np.nan, np.nan, np.inf
-    mx, my = mx / count, my / count
-    sxx, sxy, syy = sxx / count - mx * mx, sxy / count - mx * my, syy / count - my * my
-    mean, spread = 0.5 * (sxx + syy), np.hypot(0.5 * (sxx - syy), sxy)
-    thickness = max(mean - spread, 0.0) * count / (count - 2)
-    if mean + spread < 1e-8 or (mean - spread) > 0.1 * (mean + spread):
-        return 0.0, 0.0, np.nan, np.nan, thickness
-    angle = 0.5 * np.arctan2(2 * sxy, sxx - syy) + np.pi / 2
-    return mx, my, np.cos(angle), np.sin(angle), thickness
+    mx, my, nx, ny, thickness = line_through(count, x, y, xx, xy, yy)
+    return mx, my, nx, ny, thickness * count / (count - 2)
 
 
 @njit(cache=True)

@@ -13,6 +13,10 @@ from wayfi.frontends.laser_points import ScanPoints, place_all
 from wayfi.frontends.point_index import PointIndex, build_index
 
 OPEN = np.eye(3)  # information, 1 / m^2 and 1 / rad^2, about what a scan does not see
+SEARCHED_CHI2 = 9.0  # 97 % of what wheels err by at 3 degrees of freedom, if they are as good as they say
+LEAST_WINDOW = (0.3, 0.3)  # m, rad: wheels that slip are further off than they say
+MOST_WINDOW = (1.0, 1.0)  # m, rad: twice what keyframes stand apart; bounds the cost
+BETTER_RATIO = 0.05  # by which what the search finds must fit better than what lies at the guess
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,6 @@ class ScanMatch:
     covariance: Floats
     inlier_ratio: float
     residual_m: float
-    searched: bool
 
 
 def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> PointIndex | None:
@@ -84,13 +87,12 @@ def match_scan(
     """
     prior = np.asarray(np.linalg.inv(guess_covariance), np.float64)
     result = icp(scan, submap, guess, prior, config.icp)
-    searched = False
+    T = without_prior(result, guess, prior, config)
     if result.inlier_ratio < search_below:
-        retry = _search_and_match(scan, submap, guess, guess_covariance, config)
-        if retry.inlier_ratio > result.inlier_ratio + 0.05:
-            result, searched = retry, True
-    T = result.T_target_scan if searched else without_prior(result, guess, prior, config)
-    return ScanMatch(T, match_covariance(result, config), result.inlier_ratio, result.residual_m, searched)
+        found = _search_and_match(scan, submap, guess, guess_covariance, config)
+        if found.inlier_ratio > result.inlier_ratio + BETTER_RATIO:
+            result, T = found, found.T_target_scan
+    return ScanMatch(T, match_covariance(result, config), result.inlier_ratio, result.residual_m)
 
 
 def without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarConfig) -> Pose2:
@@ -130,6 +132,6 @@ def seen_directions(information: Floats, degenerate_below: float) -> Floats:
 def _search_and_match(
     scan: ScanPoints, submap: PointIndex, guess: Pose2, covariance: Floats, config: LidarConfig
 ) -> IcpResult:
-    window = Window.of(covariance, 9.0, (0.3, 0.3), (1.0, 1.0))
+    window = Window.of(covariance, SEARCHED_CHI2, LEAST_WINDOW, MOST_WINDOW)
     peak = search(scan.points, build_field(submap.points, config.correlative), guess, window, config.correlative)
     return icp(scan, submap, peak.pose, np.zeros((3, 3)), config.icp)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wayfi.backend.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Between, PoseGraph
 from wayfi.frontends.closure import (
@@ -34,6 +35,18 @@ class _Proposed:
     b: int
     proposed_by: str
     similarity: float = np.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tried:
+    """What came of a WiFi candidate that the laser saw: `events`, and whether its loop is `closed` by it.
+
+    It is `open` if it is not, and the estimate knows less of the two places than WiFi claims.
+    """
+
+    events: list[Event]
+    closed: bool = False
+    open: bool = False
 
 
 class LidarCloser:
@@ -73,23 +86,21 @@ class LidarCloser:
         a, b = candidate.a.keyframe, candidate.b.keyframe
         return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
 
-    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
-        """Check what WiFi proposes, where the laser `sees` it."""
+    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> Tried:
+        """Check what WiFi proposes, where the laser `sees` it; what lies on a way that is closed is not judged."""
         a, b = candidate.a, candidate.b
         if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
-            return []
+            return Tried([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
-        expected, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
+        is_open = position_sigma(expected.covariance) > candidate.sigma_m
+        nearer, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
+        proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
-            return []
-        return self._close(_Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity), expected, stamp_ns, poses)
-
-    def is_open(self, candidate: WifiCandidate, poses: Floats) -> bool:
-        """Whether the estimate knows less of the two places than the WiFi candidate claims."""
-        if self._way_m(candidate.a.keyframe, candidate.b.keyframe) < self._closure.closed_m:
-            return False
-        covariance = self._expected(candidate.a.keyframe, candidate.b.keyframe, poses).covariance
-        return bool(np.linalg.eigvalsh(covariance[:2, :2])[-1] > candidate.sigma_m**2)
+            why = f"WiFi contradicts the estimate: chi2 {chi2:.1f} over {self._closure.gate_chi2}"
+            return Tried([self._judge(proposed, _unchecked(nearer, why))], open=is_open)
+        events = self._close(proposed, nearer, stamp_ns, poses)
+        closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
+        return Tried(events, closed, is_open and not closed)
 
     def review(self, poses: Floats) -> list[Event]:
         """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
@@ -113,7 +124,7 @@ class LidarCloser:
         with self._timer("check"):
             done = check(scan, scans, placed, expected, self._closure, self._lidar)
         if done is None:
-            return []
+            return [self._judge(proposed, _unchecked(expected, "too few points to check"))]
         shown = CheckDone(
             stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
         )
@@ -144,3 +155,8 @@ class LidarCloser:
         if not refused:
             self._accepted[judged.closure] = self._graph.add(Between(p.a, p.b, done.T_a_b, done.covariance))
         return judged
+
+
+def _unchecked(expected: Expected, why: str) -> Check:
+    """The check of a candidate that is refused before its scans are compared."""
+    return Check(expected.T_a_b, expected.covariance, np.nan, np.nan, np.nan, np.empty((0, 2)), why)

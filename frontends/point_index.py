@@ -10,6 +10,8 @@ from wayfi.backend.pose2 import Floats
 
 MAX_CELLS = 1_000_000
 
+Cells = tuple[NDArray[np.int64], Floats, float, int, int]  # starts, origin, cell_m, rows, columns of a PointIndex
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointIndex:
@@ -29,16 +31,37 @@ class PointIndex:
 
 def build_index(points: Floats, normals: Floats, cell_m: float) -> PointIndex:
     """The index of `points` (n >= 1, 2) with `normals` (n, 2); points beyond MAX_CELLS cells make the cells larger."""
+    order, cells = sort_by_cell(points, cell_m)
+    return PointIndex(points[order], normals[order], *cells)
+
+
+@njit(cache=True)
+def sort_by_cell(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], Cells]:
+    """The order (n,) of `points` (n >= 1, 2 or more) by the cells of their x and y, and these cells.
+
+    More than MAX_CELLS of them are not made: they get larger than `cell_m`.
+    """
     low, high = _bounds(points)
-    extent = np.maximum(high - low, cell_m)
-    cell_m = max(cell_m, float(np.sqrt(extent[0] * extent[1] / MAX_CELLS)))
-    rows, columns = (int(n) + 1 for n in (high - low) / cell_m)
-    return PointIndex(*_sort_by_cell(points, normals, low, cell_m, rows, columns), low, cell_m, rows, columns)
+    width, height = max(high[0] - low[0], cell_m), max(high[1] - low[1], cell_m)
+    cell_m = max(cell_m, np.sqrt(width * height / MAX_CELLS))
+    rows, columns = int((high[0] - low[0]) / cell_m) + 1, int((high[1] - low[1]) / cell_m) + 1
+    n = points.shape[0]
+    cells, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    starts = np.zeros(rows * columns + 1, np.int64)
+    for i in range(n):
+        cells[i] = int((points[i, 0] - low[0]) / cell_m) * columns + int((points[i, 1] - low[1]) / cell_m)
+        starts[cells[i] + 1] += 1
+    starts = np.cumsum(starts)
+    cursor = starts[:-1].copy()
+    for i in range(n):
+        order[cursor[cells[i]]] = i
+        cursor[cells[i]] += 1
+    return order, (starts, low, cell_m, rows, columns)
 
 
 @njit(cache=True)
 def _bounds(points: Floats) -> tuple[Floats, Floats]:
-    low, high = points[0].copy(), points[0].copy()
+    low, high = points[0, :2].copy(), points[0, :2].copy()
     for i in range(points.shape[0]):
         for axis in range(2):
             low[axis] = min(low[axis], points[i, axis])
@@ -47,27 +70,15 @@ def _bounds(points: Floats) -> tuple[Floats, Floats]:
 
 
 @njit(cache=True)
-def _sort_by_cell(
-    points: Floats, normals: Floats, origin: Floats, cell_m: float, rows: int, columns: int
-) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    n = points.shape[0]
-    cells = np.empty(n, np.int64)
-    starts = np.zeros(rows * columns + 1, np.int64)
-    for i in range(n):
-        row = int((points[i, 0] - origin[0]) / cell_m)
-        column = int((points[i, 1] - origin[1]) / cell_m)
-        cells[i] = row * columns + column
-        starts[cells[i] + 1] += 1
-    for c in range(rows * columns):
-        starts[c + 1] += starts[c]
-    cursor = starts[:-1].copy()
-    sorted_points, sorted_normals = np.empty_like(points), np.empty_like(normals)
-    for i in range(n):
-        row = cursor[cells[i]]
-        sorted_points[row] = points[i]
-        sorted_normals[row] = normals[i]
-        cursor[cells[i]] += 1
-    return sorted_points, sorted_normals, starts
+def block_around(
+    x: float, y: float, origin: Floats, cell_m: float, rows: int, columns: int
+) -> tuple[int, int, int, int]:
+    """The 3 x 3 cells around (x, y) m, as far as there are any: first row, last (excluded), first column, last."""
+    row, column = int(np.floor((x - origin[0]) / cell_m)), int(np.floor((y - origin[1]) / cell_m))
+    left, right = max(column - 1, 0), min(column + 2, columns)
+    if left >= right:
+        return 0, 0, 0, 0
+    return max(row - 1, 0), min(row + 2, rows), left, right
 
 
 @njit(cache=True)
@@ -83,14 +94,10 @@ def nearest(
     columns: int,
 ) -> int:
     """Row of the point nearest to (x, y) within `gate_m`, which is at most a cell's side; -1 if there is none."""
-    row = int(np.floor((x - origin[0]) / cell_m))
-    column = int(np.floor((y - origin[1]) / cell_m))
+    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
     best, best_d2 = -1, gate_m * gate_m
-    for r in range(max(row - 1, 0), min(row + 2, rows)):
-        c0, c1 = max(column - 1, 0), min(column + 2, columns)
-        if c0 >= c1:
-            continue
-        for k in range(starts[r * columns + c0], starts[r * columns + c1]):
+    for r in range(top, bottom):
+        for k in range(starts[r * columns + left], starts[r * columns + right]):
             dx, dy = points[k, 0] - x, points[k, 1] - y
             d2 = dx * dx + dy * dy
             if d2 < best_d2:

@@ -17,14 +17,12 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.cloud_odometry import CloudOdometry
 from wayfi.frontends.events import (
     CalibrationUpdated,
-    ClosureJudged,
     Event,
     FingerprintAdded,
     GraphUpdated,
     KeyframeAdded,
     StateChanged,
     SubmapMatched,
-    Verdict,
 )
 from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.keyframes import Keyframe, Keyframes
@@ -131,12 +129,12 @@ class Slam:
         events: list[Event] = [_fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
             if candidate is not None and self._lidar_closer.sees(candidate):
-                closed = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
-                if any(isinstance(e, ClosureJudged) and e.verdict is Verdict.ACCEPTED for e in closed):
+                tried = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
+                if tried.closed:
                     self.wifi.confirm(candidate)
-                elif self._lidar_closer.is_open(candidate, self.poses):
+                elif tried.open:
                     self.wifi.hold(candidate)
-                events += closed
+                events += tried.events
             elif candidate is not None:
                 self.wifi.hold(candidate)
             events += self._close_by_wifi(self.wifi.released(), stamp_ns)

@@ -5,10 +5,12 @@ import pytest
 from clouds import HALL, MOUNT, cloud_at
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
-from wayfi.frontends.measurements import PointCloud
+from wayfi.frontends.height_band import spatial_mount
+from wayfi.frontends.laser_points import planar_mount
+from wayfi.frontends.measurements import PointCloud, StaticTransforms
 from wayfi.recordings.simulation import lidar3d
 from wayfi.recordings.simulation.lidar3d import CEILING_M, COLUMNS, ELEVATIONS, HEIGHT_M, heights, level_distances
-from wayfi.recordings.simulation.run import start
+from wayfi.recordings.simulation.run import mount, start
 from wayfi.recordings.simulation.spatial import clouds, spatial_measurements
 from wayfi.recordings.simulation.surfaces import Material, Surfaces, box, join, moving, still
 from wayfi.recordings.simulation.worlds import World
@@ -115,6 +117,16 @@ def test_points_deskewed_by_the_truth_fit_the_walls() -> None:
         share = ((point - ends[:, :2]) * along).sum(axis=1) / (along**2).sum(axis=1)
         foot = ends[:, :2] + np.clip(share, 0, 1)[:, None] * along
         assert np.hypot(*(point - foot).T).min() < 0.08
+
+
+def test_a_mount_is_told_with_its_turn() -> None:
+    T_base_sensor = Pose2(0.2, -0.1, 2.5)
+    (told,) = mount("laser", T_base_sensor, 0.3)
+    assert isinstance(told, StaticTransforms)
+    planar, upside_down = planar_mount(told.transforms[0])
+    assert planar.array() == pytest.approx(T_base_sensor.array())
+    assert not upside_down
+    assert spatial_mount(told.transforms[0]).translation.tolist() == [0.2, -0.1, 0.3]
 
 
 def test_clouds_come_in_place_of_scans() -> None:

@@ -55,7 +55,10 @@ def test_wifi_proposes_and_the_laser_gives_the_pose() -> None:
     run = drive(2.2, bias=0.005)
     candidate = run.candidate(3, run.last)
     assert closer(run).sees(candidate)
-    check, verdict = closer(run).close_by_wifi(candidate, 0, run.poses())
+    tried = closer(run).close_by_wifi(candidate, 0, run.poses())
+    check, verdict = tried.events
+    assert tried.closed
+    assert not tried.open
     assert isinstance(check, CheckDone)
     assert isinstance(verdict, ClosureJudged)
     assert (verdict.kind, verdict.proposed_by, verdict.similarity) == (ClosureKind.LIDAR, "wifi", 0.7)
@@ -64,7 +67,39 @@ def test_wifi_proposes_and_the_laser_gives_the_pose() -> None:
 def test_the_laser_sees_no_candidate_without_scans_and_closes_no_keyframe_with_itself() -> None:
     blind, run = drive(0.5, laser=False), drive(0.5)
     assert not closer(blind).sees(blind.candidate(0, 5))
-    assert closer(run).close_by_wifi(run.candidate(5, 5), 0, run.poses()) == []
+    assert not closer(run).sees(run.candidate(5, 5))
+
+
+def test_wifi_that_contradicts_the_estimate_is_refused_before_the_laser_is_asked() -> None:
+    run = drive(2.2)
+    opposite = run.candidate(run.last - run.per_round * 3 // 2, run.last, sigma_m=0.1)
+    tried = closer(run).close_by_wifi(opposite, 0, run.poses())
+    (verdict,) = judged(tried.events)
+    assert tried.events == [verdict]
+    assert not tried.closed
+    assert (verdict.verdict, verdict.proposed_by) == (Verdict.REFUSED, "wifi")
+    assert "WiFi contradicts the estimate" in verdict.reason
+
+
+def test_a_candidate_is_open_where_the_estimate_knows_less_than_wifi_claims() -> None:
+    run, never = drive(2.2, bias=0.005), replace(ClosureConfig(), min_inlier_ratio=1.1)
+    for sigma_m, is_open in ((0.01, True), (2.0, False)):
+        tried = closer(run, never).close_by_wifi(run.candidate(3, run.last, sigma_m), 0, run.poses())
+        assert (tried.closed, tried.open) == (False, is_open)
+
+
+def test_wifi_is_not_asked_where_the_way_is_closed() -> None:
+    run = drive(2.2)
+    closing = closer(run, replace(ClosureConfig(), closed_m=1000.0))
+    tried = closing.close_by_wifi(run.candidate(3, run.last), 0, run.poses())
+    assert (tried.events, tried.closed, tried.open) == ([], False, False)
+
+
+def test_a_candidate_with_too_few_points_is_refused_for_that() -> None:
+    run = drive(2.2)
+    blind = LidarCloser(run.graph, run.keyframes, run.verdicts, ClosureConfig(), LidarConfig(min_points=100_000))
+    (verdict,) = judged(blind.close_by_estimate(run.last, 0, run.poses()))
+    assert (verdict.verdict, verdict.reason) == (Verdict.REFUSED, "too few points to check")
 
 
 def test_what_contradicts_the_estimate_is_refused_and_leaves_the_graph_alone() -> None:

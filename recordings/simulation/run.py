@@ -4,6 +4,7 @@ Every part draws from a random stream of its own, so that a change to one sensor
 """
 
 import heapq
+import math
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -94,8 +95,20 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 def measurements(run: Run) -> Iterator[Measurement]:
     """Everything the robot receives in `run`, by stamp."""
-    sensors: list[Iterator[Measurement]] = [_static_transforms(), odometry(run), scans(run), wifi_scans(run)]
+    sensors: list[Iterator[Measurement]] = [
+        mount("laser", T_BASE_LASER, LASER_HEIGHT_M),
+        odometry(run),
+        scans(run),
+        wifi_scans(run),
+    ]
     return heapq.merge(*sensors, key=_stamp_ns)
+
+
+def mount(frame: str, T_base_sensor: Pose2, height_m: float) -> Iterator[Measurement]:
+    """Where a sensor is mounted, upright and `height_m` above the floor, as /tf_static tells it once."""
+    T = T_base_sensor
+    turn = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
+    yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", frame, (T.x, T.y, height_m), turn),))
 
 
 def odometry(run: Run) -> Iterator[Odometry]:
@@ -157,8 +170,3 @@ def _stamp_ns(measurement: Measurement) -> int:
 def _seconds(stamps_ns: Stamps) -> NDArray[np.float64]:
     """Seconds into the drive."""
     return np.asarray((stamps_ns - EPOCH_NS) / 1e9)
-
-
-def _static_transforms() -> Iterator[Measurement]:
-    place = (T_BASE_LASER.x, T_BASE_LASER.y, LASER_HEIGHT_M)
-    yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", "laser", place, (0.0, 0.0, 0.0, 1.0)),))

@@ -4,9 +4,9 @@ import heapq
 from collections.abc import Iterator
 
 from wayfi.backend.pose2 import Pose2, compose_all
-from wayfi.frontends.measurements import Measurement, PointCloud, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import Measurement, PointCloud
 from wayfi.recordings.simulation import lidar3d
-from wayfi.recordings.simulation.run import EPOCH_NS, Run, odometry, stream, wifi_scans
+from wayfi.recordings.simulation.run import EPOCH_NS, Run, mount, odometry, stream, wifi_scans
 
 PERIOD_NS, DELAY_NS = 100_000_000, 30_000_000
 FRAME = "lidar"
@@ -15,7 +15,12 @@ T_BASE_LIDAR = Pose2(0.1, 0.0, 0.0)
 
 def spatial_measurements(run: Run) -> Iterator[Measurement]:
     """Everything the robot receives in `run`, by stamp, point clouds in place of laser scans."""
-    sensors: list[Iterator[Measurement]] = [_mount(), odometry(run), clouds(run), wifi_scans(run)]
+    sensors: list[Iterator[Measurement]] = [
+        mount(FRAME, T_BASE_LIDAR, lidar3d.HEIGHT_M),
+        odometry(run),
+        clouds(run),
+        wifi_scans(run),
+    ]
     return heapq.merge(*sensors, key=lambda measurement: measurement.stamp_ns)
 
 
@@ -28,8 +33,3 @@ def clouds(run: Run) -> Iterator[PointCloud]:
         poses = compose_all(run.drive.poses(lidar3d.column_times(start_s)), T_BASE_LIDAR.array())
         points, time_s = lidar3d.sweep(run.surfaces, heights_m, poses, start_s, rng)
         yield PointCloud(EPOCH_NS + since_ns, FRAME, points, time_s)
-
-
-def _mount() -> Iterator[Measurement]:
-    place = (T_BASE_LIDAR.x, T_BASE_LIDAR.y, lidar3d.HEIGHT_M)
-    yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", FRAME, place, (0.0, 0.0, 0.0, 1.0)),))
