@@ -139,3 +139,22 @@ def test_errors_drawn_from_the_covariance_are_as_large_as_the_factor_expects() -
     ]
     low, high = chi2.ppf([0.0005, 0.9995], 3 * len(errors)) / len(errors)
     assert low < np.mean(errors) < high
+
+
+def test_a_factor_in_python_is_handed_the_values_that_python_holds_and_no_copy_of_them() -> None:
+    """What keeps the cost of an update from growing with the drive; gtsam copies what Python does not hold."""
+    isam, seen = gtsam.ISAM2(), []
+
+    def error(_: gtsam.CustomFactor, at: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        seen.append(at)
+        if jacobians is not None:
+            jacobians[0] = np.eye(3)
+        return np.zeros(3)
+
+    held = isam.getLinearizationPoint()
+    graph, new = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(3), [pose_key(0)], error))
+    new.insert(pose_key(0), gtsam.Pose2())
+    isam.update(graph, new)
+    assert seen
+    assert all(at is held for at in seen)
