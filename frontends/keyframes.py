@@ -41,6 +41,11 @@ class Keyframes:
         self._has_scan[len(self)] = keyframe.scan is not None
         self._keyframes.append(keyframe)
 
+    def forget_scans(self) -> None:
+        """Keep where the keyframes stand, and none of their scans."""
+        self._keyframes = [Keyframe(keyframe.point, None) for keyframe in self._keyframes]
+        self._has_scan[:] = False
+
     def before(self, stamp_ns: int) -> int:
         """The newest keyframe that is no later than a recent moment; the first where none is."""
         number = len(self) - 1

@@ -115,6 +115,13 @@ class LidarCloser:
                 events.append(self._verdicts.change(number, Verdict.REMOVED, reason))
         return events
 
+    def withdraw(self, reason: str) -> list[Event]:
+        """Take back every closure."""
+        numbers = sorted(self._accepted)
+        for number in numbers:
+            self._graph.remove(self._accepted.pop(number))
+        return [self._verdicts.change(number, Verdict.REMOVED, reason) for number in numbers]
+
     def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b
         reach = self._closure.submap_reach

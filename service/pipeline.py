@@ -15,6 +15,7 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.laser_watch import LaserWatch
 from wayfi.frontends.measurements import (
+    SECOND_NS,
     LaserScan,
     Measurement,
     Odometry,
@@ -69,6 +70,7 @@ class Pipeline:
         self._last_scan_path_m = -np.inf
         self._unmounted: set[str] = set()
         self._laser_watch = LaserWatch()
+        self._laser_shift_ns = 0
 
     def process(self, measurement: Measurement) -> list[Event]:
         """Take one measurement; returns what became known by it, in order."""
@@ -167,6 +169,7 @@ class Pipeline:
         if sensor is not (self._laser or sensor):
             yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
             return
+        stamp_ns += self._laser_shift_ns
         latest = self._wheels.latest
         sweep = yield from self._laser_watch.take(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
         if sweep is None:
@@ -215,6 +218,17 @@ class Pipeline:
             with self._timer("scan_points"):
                 placed = self._scans.place(point, scan, self._wheels)
             yield from self._slam.add_keyframe(point, placed)
+            yield from self._correct_stamps(point.stamp_ns)
+
+    def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
+        """Where the laser has another clock than the odometry, correct its stamps and forget what it said till then."""
+        offset_s = self._slam.laser_clock.offset_s(self._wheels)
+        if offset_s is None:
+            return
+        self._laser_shift_ns += round(offset_s * SECOND_NS)
+        text = f"its clock is {abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'} the odometry's"
+        yield Warned(stamp_ns, f"laser: {text}; its stamps are corrected from here on, set its clock", "laser.clock")
+        yield from self._slam.forget_scans(f"of before the laser's stamps were corrected: {text}")
 
     def _warn_unmounted(self, scan: Sweep) -> Iterator[Event]:
         if scan.frame_id not in self._unmounted and not self._scans.knows(scan.frame_id):

@@ -26,6 +26,7 @@ from wayfi.frontends.events import (
 )
 from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.laser_clock import LaserClock
 from wayfi.frontends.lidar_closer import LidarCloser
 from wayfi.frontends.odometry import PathPoint, wheel_covariance
 from wayfi.frontends.scan_tracker import ScanTracker, Tracked
@@ -37,6 +38,7 @@ from wayfi.service.scan_intake import PlacedScan
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
 SETTLING_REVIEWS = 3
+NO_HITS: NDArray[np.float32] = np.empty((0, 2), np.float32)
 RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes
 
 
@@ -58,8 +60,7 @@ class Slam:
         self.keyframes = Keyframes()
         self.wifi = Wifi(config.wifi, prior.receivers)
         self.grid = GridMap(config.map)
-        self._tracker = ScanTracker(self.keyframes, config.lidar, config.odometry)
-        self._clouds = CloudOdometry(config.lidar)
+        self._start_tracking()
         verdicts = Verdicts()
         self._lidar_closer = LidarCloser(self.graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
         self._wifi_closer = WifiCloser(
@@ -160,6 +161,23 @@ class Slam:
     def _review(self) -> list[Event]:
         return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses)
 
+    def _start_tracking(self) -> None:
+        self._tracker = ScanTracker(self.keyframes, self._config.lidar, self._config.odometry)
+        self._clouds = CloudOdometry(self._config.lidar)
+        self.laser_clock = LaserClock()
+        self._matches: list[int] = []
+
+    def forget_scans(self, reason: str) -> list[Event]:
+        """Take out of the graph and of the map what the laser has said so far."""
+        for number in self._matches:
+            self.graph.remove(number)
+        self.keyframes.forget_scans()
+        self._start_tracking()
+        self.grid = GridMap(self._config.map)
+        for _ in range(len(self.keyframes)):
+            self.grid.add(NO_HITS)
+        return self._lidar_closer.withdraw(reason)
+
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of all fingerprints in `map`."""
         return self.wifi.places(self.poses)
@@ -176,7 +194,10 @@ class Slam:
                 tracked = self._track(placed, motion, number)
             if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
                 match = tracked.match
-                self.graph.add(Between(number - 1, number, match.T_submap_scan, match.covariance))
+                self._matches.append(self.graph.add(Between(number - 1, number, match.T_submap_scan, match.covariance)))
+                before = self.keyframes[number - 1]
+                if before.scan is not None:
+                    self.laser_clock.take(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
         self.graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
         return tracked
 
@@ -196,7 +217,7 @@ class Slam:
         if len(self.keyframes) > len(self._poses):
             self._poses = np.resize(self._poses, (2 * len(self._poses), 3))
         self._poses[len(self.keyframes) - 1] = guess.array()
-        hits: NDArray[np.float32] = placed.hits if placed else np.empty((0, 2), np.float32)
+        hits = placed.hits if placed else NO_HITS
         sensor = placed.points.T_base_laser if placed else Pose2()
         self.grid.add(hits, (sensor.x, sensor.y))
 

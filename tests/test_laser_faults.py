@@ -1,6 +1,7 @@
 """What goes wrong with the laser: the estimate survives, nothing wrong enters the graph, the status says what it is."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,7 @@ from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, KeyframeAdded, Verdict, Warned
 from wayfi.frontends.laser_watch import BLOCKED, FEW_RETURNS, LATE, SILENT
-from wayfi.frontends.measurements import LaserScan, Measurement, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, Measurement
 from wayfi.recordings.simulation import run as simulation
 from wayfi.recordings.simulation.run import EPOCH_NS, T_BASE_LASER, start
 from wayfi.recordings.simulation.worlds import World
@@ -27,6 +28,8 @@ WORSE, PERSON_WORSE = 1.1, 1.5  # than without any scan in that minute
 FLOOR_M = 0.005  # what other scans of the same place change
 SAME_M = 0.01  # the order of arrival, and beams at the limit, change the rounding of scan matching
 ANYHOW_M = 0.1
+CLOCK_S, STAMPED_M = 0.05, 0.1
+FIVE_SECONDS_M = 2.5  # driven in that time, at 0.5 m/s
 Fault = Callable[[LaserScan, float], LaserScan | None]
 
 
@@ -94,16 +97,8 @@ def simulated(mount: Pose2 = T_BASE_LASER) -> Recorded:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "T_BASE_LASER", mount)
         made = start(World.CARPARK, 0, MINUTES)
-        measurements = [turned(m, mount) for m in simulation.measurements(made)]
+        measurements = list(simulation.measurements(made))
     return Recorded(measurements, made.truth, run(measurements, made.truth))
-
-
-def turned(m: Measurement, mount: Pose2) -> Measurement:
-    """The mount as /tf_static tells it; the simulator leaves its turn out."""
-    if not isinstance(m, StaticTransforms):
-        return m
-    turn = (0.0, 0.0, math.sin(mount.theta / 2), math.cos(mount.theta / 2))
-    return replace(m, transforms=tuple(replace(t, rotation_xyzw=turn) for t in m.transforms))
 
 
 def second(stamp_ns: int) -> float:
@@ -237,9 +232,26 @@ def test_scans_that_come_two_seconds_late_are_used_at_their_stamps(drive: Record
     assert faulty.wrong_closures() == []
 
 
-def test_stamps_that_are_two_seconds_old_are_told_and_shift_the_path_by_as_much_at_most(drive: Recorded) -> None:
-    faulty = drive.with_fault(stamped(-2.0))
-    assert faulty.complaints()[0] == (f"laser.{LATE}", False)
-    truth = drive.truth
-    ahead_m = truth.at(truth.stamps_ns[20:])[:, :2] - truth.at(truth.stamps_ns[:-20])[:, :2]
-    assert faulty.ate_m <= np.hypot(*ahead_m.T).max()
+@pytest.mark.parametrize(("shift_s", "before"), [(-2.0, [(f"laser.{LATE}", False)]), (1.0, []), (-0.3, [])])
+def test_wrong_stamps_are_told_and_corrected(shift_s: float, before: list[tuple[str, bool]], drive: Recorded) -> None:
+    faulty = drive.with_fault(stamped(shift_s))
+    assert faulty.complaints()[: len(before) + 1] == [*before, ("laser.clock", False)]
+    corrected = [e.text for e in faulty.events if isinstance(e, Warned) and e.complaint == "laser.clock"]
+    assert len(corrected) == 1
+    assert abs(told_s(corrected[0]) + shift_s) < CLOCK_S
+    assert faulty.ate_m <= STAMPED_M
+    assert faulty.wrong_closures() == []
+
+
+def told_s(text: str) -> float:
+    """What a complaint says is to be added to the laser's stamps, s."""
+    found = re.search(r"([\d.]+) s (behind|ahead of) the odometry's", text)
+    assert found
+    return float(found[1]) * (1.0 if found[2] == "behind" else -1.0)
+
+
+def test_stamps_too_wrong_to_be_corrected_are_told_and_close_no_loop_wrongly(drive: Recorded) -> None:
+    faulty = drive.with_fault(stamped(-5.0))
+    assert faulty.complaints() == [(f"laser.{LATE}", False)]
+    assert faulty.ate_m <= FIVE_SECONDS_M
+    assert faulty.wrong_closures() == []
