@@ -5,7 +5,9 @@ validated first, and the graph can be rebuilt at any time from what is kept here
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -175,19 +177,41 @@ class PoseGraph:
         """
         self._restart = (calibration, poses)
 
-    def _rebuild(self, calibration: Floats, poses: Floats) -> None:
-        """Levenberg-Marquardt, which does not leap, moves the keyframes; iSAM2 starts again from there."""
+    def __getstate__(self) -> dict[str, Any]:
+        """All but iSAM2, which cannot be pickled: in its place the estimate. Between two updates only."""
+        assert not self._queued_poses
+        state = {name: value for name, value in vars(self).items() if name not in ("_isam", "_held")}
+        return state | {"estimate": (self.calibration_values(), self.poses()) if self.keyframes else None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """iSAM2 starts again from the estimate; what was about to change it waits for the next update as before."""
+        estimate = state.pop("estimate")
+        vars(self).update(state)
+        self._isam = self._fresh_isam()
+        if estimate is None:
+            return
+        queued, removed, restart = self._queued, self._removed, self._restart
+        self._rebuild(*estimate, numbers=[number for number in self._factors if number not in queued])
+        self._queued = queued
+        self._restart = restart or (estimate if removed else None)
+
+    def _rebuild(self, calibration: Floats, poses: Floats, numbers: Iterable[int] | None = None) -> None:
+        """Levenberg-Marquardt, which does not leap, moves the keyframes; iSAM2 starts again from there.
+
+        It takes the factors of `numbers`, or all.
+        """
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.addPriorVector(CALIBRATION, calibration, gtsam.noiseModel.Isotropic.Sigma(4, 1e-6))
         values.insert(CALIBRATION, calibration)
         graph.add(_origin())
         for keyframe, (x, y, theta) in enumerate(poses):
             values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
-        for factor in self._factors.values():
-            graph.add(_calibrated_factor(factor, calibration))
+        numbers = list(self._factors if numbers is None else numbers)
+        for number in numbers:
+            graph.add(_calibrated_factor(self._factors[number], calibration))
         solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
         self._isam = self._fresh_isam(calibration)
-        self._queued = list(self._factors)
+        self._queued = list(numbers)
         self._slots, self._removed, self._restart = {}, [], None
         self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
         self._step()

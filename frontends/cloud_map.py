@@ -6,6 +6,7 @@ up: the pose is put back into the plane before its points join the map.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from kiss_icp.config.parser import load_config
@@ -23,16 +24,32 @@ class CloudMap:
     """The points of the last clouds around the robot."""
 
     def __init__(self, config: CloudConfig, max_range_m: float) -> None:
+        self._config = config
+        self._max_range_m = max_range_m
+        self._begin()
+        self._middle = np.array([0.0, 0.0, 0.5 * (config.low_m + config.high_m)])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but KISS-ICP's own objects, which cannot be pickled: in their place the points."""
+        state = {name: value for name, value in vars(self).items() if name not in ("_map", "_registration")}
+        return state | {"points": self.points()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A map of the same points."""
+        points = state.pop("points")
+        vars(self).update(state)
+        self._begin()
+        self._map.add_points(points)
+
+    def _begin(self) -> None:
         kiss = load_config(None)
-        kiss.data.max_range = max_range_m
-        kiss.mapping.voxel_size = config.voxel_m
+        kiss.data.max_range = self._max_range_m
+        kiss.mapping.voxel_size = self._config.voxel_m
         kiss.registration.max_num_threads = 1
-        kiss.registration.max_num_iterations = config.iterations
+        kiss.registration.max_num_iterations = self._config.iterations
         kiss.registration.convergence_criterion = SETTLED
         self._map = get_voxel_hash_map(kiss)
         self._registration = get_registration(kiss)
-        self._config = config
-        self._middle = np.array([0.0, 0.0, 0.5 * (config.low_m + config.high_m)])
 
     @property
     def empty(self) -> bool:

@@ -77,6 +77,13 @@ class Wheels:
         """Join the next pose without motion: the source of the odometry has changed."""
         self._raw = None
 
+    def tip(self) -> "Wheels":
+        """A copy that knows the newest point alone."""
+        copy = Wheels(self._config)
+        copy._points.extend(list(self._points)[-1:])
+        copy._raw = self._raw
+        return copy
+
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
         last = self.latest

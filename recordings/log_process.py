@@ -7,12 +7,12 @@ It finishes its file when that input ends, however the sender ended.
 import contextlib
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,22 +24,33 @@ BATCH = 64  # messages to a pickle: one that is alone costs as much again
 AHEAD = 100  # pickles that may wait to be taken: some 30 MB
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A file that a log is written to from now on, alone, and what is shown in it first; `served` live as well."""
+
+    config: RerunConfig
+    path: Path
+    recording_id: str
+    served: bool = False
+    history: Sequence[Event] = ()
+
+
 class LogProcessError(WayfiError):
     """The log could not be written."""
 
 
 class LogProcess:
-    """A RerunLog that runs beside: the same calls, for a file alone. Raises LogProcessError where it ended early."""
+    """A RerunLog that runs beside: the same calls. Raises LogProcessError where it ended early."""
 
-    def __init__(self, config: RerunConfig, path: Path, recording_id: str) -> None:
-        command = [sys.executable, "-m", __name__]
+    def __init__(self, part: Part) -> None:
+        command = [sys.executable, "-m", "wayfi.recordings.log_server"]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints)
         self._pickles: queue.Queue[bytes | None] = queue.Queue(AHEAD)
         self._writer = threading.Thread(target=self._write, name="log writer", daemon=True)
         self._writer.start()
         self._waiting: list[Any] = []
-        self._send((config, path, recording_id))
+        self._send([part])
 
     def log(self, event: Event) -> None:
         """Show `event`."""
@@ -49,19 +60,33 @@ class LogProcess:
         """Show how many seconds each stage took."""
         self._add(dict(durations))
 
+    def begin(self, part: Part) -> None:
+        """Finish the file, and go on in another."""
+        self.flush()
+        self._send([part])
+
+    def flush(self) -> None:
+        """Send what waits for a pickle of its own to fill."""
+        if self._waiting:
+            self._send(self._waiting)
+            self._waiting = []
+
+    @property
+    def behind(self) -> bool:
+        """Whether one more pickle would have to wait."""
+        return self._pickles.full()
+
     def close(self) -> None:
         """Everything is in the file afterwards."""
         if self._complaints.closed:
             return
-        self._send(self._waiting)
-        self._waiting = []
+        self.flush()
         self._end()
 
     def _add(self, message: Event | dict[str, float]) -> None:
         self._waiting.append(message)
         if len(self._waiting) >= BATCH:
-            self._send(self._waiting)
-            self._waiting = []
+            self.flush()
 
     def _send(self, value: Any) -> None:  # noqa: ANN401 - whatever the other side takes
         if self._process.poll() is not None:
@@ -90,29 +115,3 @@ class LogProcess:
             lines = complaints.read().decode(errors="replace").strip().splitlines()
         if code:
             raise LogProcessError(f"the log ended early: {lines[-1] if lines else f'code {code}'}")
-
-
-def _serve() -> None:
-    """Log what comes on standard input until it ends."""
-    from wayfi.recordings.rerun_log import RerunLog
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    source = sys.stdin.buffer
-    config, path, recording_id = pickle.load(source)
-    log = RerunLog(config, path, recording_id=recording_id)
-    try:
-        while True:
-            for message in pickle.load(source):
-                if isinstance(message, dict):
-                    log.log_durations(message)
-                else:
-                    log.log(message)
-    except (EOFError, pickle.UnpicklingError):  # the sender is done, or was killed within a message
-        log.close()
-
-
-if __name__ == "__main__":
-    try:
-        _serve()
-    except WayfiError as error:
-        sys.exit(str(error))

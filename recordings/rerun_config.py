@@ -12,6 +12,7 @@ class RerunConfig:
     enabled: bool = option(True, "", "the picture of a run is how it is understood; replay --no-rrd leaves it out")
     port: int = option(9876, "", "the port a Rerun viewer connects to unless told otherwise; bound to 127.0.0.1")
     server_memory_limit: str = option("256MiB", "", "what a viewer that joins late is shown; a car park takes 100 MB")
+    part_mb: float = option(256.0, "MiB", "a daemon's file of this size ends, and the next begins with the map so far")
     pose_hz: float = option(1.0, "Hz", "0.4 m between two pictures of a robot at 0.4 m/s")
     scan_hz: float = option(1.0, "Hz", "the current scan and the local submap: a keyframe a second at 0.4 m/s")
     wifi_hz: float = option(0.25, "Hz", "a bar chart costs 1 ms; a fingerprint every two seconds says little new")

@@ -197,6 +197,7 @@ def run(
     config: Files = None,
     settings: Settings = None,
     calibration: CalibrationFile = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin a new run, even where one was cut off.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -204,7 +205,7 @@ def run(
     with _output(quiet, as_json) as output:
         from wayfi.service.daemon import run_daemon
 
-        code = run_daemon(_configured(config, settings), _calibration(calibration), quiet)
+        code = run_daemon(_configured(config, settings), _calibration(calibration), fresh, quiet)
         output.result({"exit_code": code})
     raise typer.Exit(code)
 

@@ -1,154 +1,254 @@
-"""`wayfi run`: Zenoh in, the pipeline, Zenoh out; a black box and a live log beside it."""
+"""`wayfi run`: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
 
-import hashlib
-import json
 import time
 from contextlib import ExitStack
-from datetime import UTC, datetime
-from pathlib import Path
 
 import zenoh
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import Event, GridRedrawn, StateChanged, Warned
-from wayfi.recordings.files import write_text
-from wayfi.recordings.log import Log
-from wayfi.recordings.rerun_log import open_log
-from wayfi.recordings.rerun_stream import LogError
+from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
+from wayfi.frontends.measurements import Odometry, Sensor
+from wayfi.recordings.codec import decode
+from wayfi.recordings.codec_error import CodecError
+from wayfi.service.backlog import Backlog
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config
-from wayfi.service.drive import Drive, topics_of
+from wayfi.service.drive import topics_of
+from wayfi.service.estimation import Estimation
+from wayfi.service.estimator_messages import Finish, News, Ready, Start, Written
+from wayfi.service.live_drive import live_pose
 from wayfi.service.log_lines import LogLines
+from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.publishers import Publishers
-from wayfi.service.queues import Queues, Received, limits_of
-from wayfi.service.results import Source, write_results
+from wayfi.service.queues import QueueDrop, Queues, Received, limits_of
+from wayfi.service.recorder import Recorder
+from wayfi.service.run_folder import RunFolder, open_run_folder
 from wayfi.service.stop_signal import StopSignal
 from wayfi.service.subscribers import Subscribers
+from wayfi.service.tally import Drops, merged
 from wayfi.service.vital_signs import VitalSigns
-from wayfi.service.warm_up import warm_up
 from wayfi.service.zenoh_session import UnreachableError, open_session, patiently
 
 IDLE_S = 0.1
-DRAIN_S = 4.0  # of the ten seconds between the signal and the last file
+DRAIN_S = 3.0  # of the ten seconds between the signal and the last file
+FINISH_S = 60.0
 
 
 class DaemonError(WayfiError):
-    """A daemon that cannot start."""
+    """A daemon that cannot go on."""
 
 
-def run_daemon(config: Config, calibration: Calibration | None, quiet: bool = False) -> int:
+def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = False, quiet: bool = False) -> int:
     """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs only what warns.
 
-    Raises ZenohError where its endpoints cannot be had, DaemonError where its folder cannot.
+    Goes on with the newest run if that was not stopped, unless `fresh`. Raises ZenohError where its endpoints cannot
+    be had, RunFolderError where its folder cannot, DaemonError where the results could not be written.
     """
     log = LogLines(quiet)
     with StopSignal() as stop:
         session = _meet(config, stop, log)
         if session is not None:
             with session:
-                warm_up(config)
-                Daemon(config, calibration, session, log).run(stop)
+                Daemon(config, calibration, session, log, open_run_folder(config, calibration, fresh)).run(stop)
     return 0
 
 
 class Daemon:
     """One run, in a folder of its own."""
 
-    def __init__(self, config: Config, calibration: Calibration | None, session: zenoh.Session, log: LogLines) -> None:
+    def __init__(
+        self, config: Config, calibration: Calibration | None, session: zenoh.Session, log: LogLines, folder: RunFolder
+    ) -> None:
         self._config = config
+        self._calibration = calibration
         self._log = log
         self._session = session
-        self._folder = _make_folder(Path(config.recording.directory))
+        self._folder = folder
         self._topics = topics_of(config.recording)
-        self._queues = Queues(limits_of(config.zenoh))
-        self._vitals = VitalSigns(self._topics, self._queues)
-        self._drive = Drive(config, calibration, _open_live_log(config, self._folder, log))
-        self._blackbox = BlackBox(self._folder, config, self._topics, calibration)
-        self._started_s = time.monotonic()
+        limits = limits_of(config.zenoh)
+        self._inbox = Queues(limits)
+        self._backlog = Backlog(limits)
+        self._vitals = VitalSigns(self._topics, self._inbox, self._backlog)
+        self._dropped: Drops = {}
         self._dropped_said: set[tuple[str, str]] = set()
+        self._live = live_pose(config, calibration)
+        self._ready = False
+        self._published_ns = -1
+        self._written: Written | None = None
+        self._finishing = False
+        self._recorder = Recorder(self._open_blackbox, folder.path, config.recording, self._complain)
+        self._estimation = self._begin(folder.away_s)
 
     def run(self, stop: StopSignal) -> None:
-        """Feed the pipeline what comes until `stop`, then what still waits, and write every file."""
+        """Publish and estimate what comes until `stop`, then what still waits, and write every file."""
         with ExitStack() as opened:
-            opened.enter_context(self._blackbox)
-            self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh, self._config.map))
-            subscribers = Subscribers(self._session, self._config.zenoh, self._topics, self._queues)
-            with subscribers, self._publishers.announce():
-                self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder)
-                while not stop.requested:
-                    self._step(self._queues.take(IDLE_S))
-            self._log.info("stopping", signal=stop.name, waiting=sum(self._queues.depths().values()))
-            self._drain()
+            opened.callback(self._close_estimation)
+            opened.callback(self._recorder.close)
+            self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh))
+            subscribed = opened.enter_context(ExitStack())
+            if self._folder.resumes:
+                subscribed.enter_context(self._subscribers())
+            while not stop.requested and not self._ready:
+                self._step()
+            if not self._folder.resumes:
+                subscribed.enter_context(self._subscribers())
+            subscribed.enter_context(self._publishers.announce())
+            self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
+            while not stop.requested:
+                self._step()
+            subscribed.close()
+            self._log.info("stopping", signal=stop.name, waiting=sum(self._inbox.depths().values()))
             self._finish()
 
-    def _step(self, received: Received | None) -> None:
-        if received is None:
-            self._blackbox.flush_if_due()
-        else:
-            self._blackbox.write(received)
-            events = self._drive.feed(received.sensor, received.encoding, received.data)
-            for event in events:
-                self._publish(event, received.received_s)
-            self._drive.show(events)
+    def _begin(self, away_s: float | None) -> Estimation:
+        """Start the estimation, on the drive that is in the folder where the daemon was away."""
+        self._ready = False
+        self._away_s = away_s
+        start = Start(self._config, self._calibration, self._folder.path, away_s is not None)
+        return Estimation(start, self._backlog, self._recorder, self._inbox.wake)
+
+    def _subscribers(self) -> Subscribers:
+        return Subscribers(self._session, self._config.zenoh, self._topics, self._inbox)
+
+    def _close_estimation(self) -> None:
+        self._estimation.close()
+
+    def _open_blackbox(self) -> BlackBox:
+        return BlackBox(self._folder.path, self._config, self._topics, self._calibration)
+
+    def _step(self) -> None:
+        """Take the next message, or what the estimation says, or wait for either."""
+        ended = self._estimation.ended
+        for report in self._estimation.reports():
+            self._take_report(report)
+        if ended and not self._finishing:
+            self._begin_again()
+        if self._ready and (received := self._inbox.take(IDLE_S)):
+            self._take(received)
+        elif not self._ready:
+            self._inbox.wait(IDLE_S)
         if self._vitals.due():
             self._tell_status()
 
-    def _publish(self, event: Event, received_s: float) -> None:
-        self._publishers.publish(event)
-        self._vitals.take(event, received_s)
+    def _take(self, received: Received) -> None:
+        """Publish the pose of an odometry message, and let the estimation have every message."""
+        if received.sensor is Sensor.ODOM:
+            if not self._backlog.has_room(Sensor.ODOM):
+                self._backlog.refuse(Sensor.ODOM, QueueDrop.QUEUE_FULL)
+                return
+            self._publish_live(received)
+        self._backlog.put(received)
+
+    def _publish_live(self, received: Received) -> None:
+        try:
+            odometry = decode(received.data, Sensor.ODOM, received.encoding)
+        except CodecError:
+            return
+        assert isinstance(odometry, Odometry)
+        pose = self._live.take(odometry)
+        if pose is not None:
+            self._publish(pose, received.received_s)
+
+    def _publish(self, pose: PosePublished, received_s: float) -> None:
+        if pose.stamp_ns > self._published_ns:
+            self._published_ns = pose.stamp_ns
+            self._publishers.publish_pose(pose)
+            self._vitals.take(pose, received_s)
+
+    def _take_report(self, report: Ready | News | Written) -> None:
+        match report:
+            case Ready():
+                self._be_ready(report)
+            case News():
+                self._take_news(report)
+            case Written():
+                self._written = report
+
+    def _be_ready(self, ready: Ready) -> None:
+        """A drive that goes on is ready when its estimate has come."""
+        self._estimation.begin(ready.checkpoint)
+        self._ready = self._away_s is None
+        if self._away_s is not None:
+            self._live = live_pose(self._config, self._calibration)
+            self._backlog.put(Mark(MarkKind.AWAY, round(self._away_s * 1e3)))
+            self._log.warning("resumed", folder=self._folder.path, away_s=f"{self._away_s:.1f}")
+
+    def _take_news(self, news: News) -> None:
+        if news.estimate is not None:
+            self._live.adopt(news.estimate)
+            self._backlog.put(Mark(MarkKind.ADOPT, news.estimate.serial))
+            self._ready = True
+        if news.dropped is not None:
+            self._dropped = news.dropped
+        for event in news.events:
+            self._take_event(event)
+        for text in news.complaints:
+            self._complain(text)
+        if news.map_cdr is not None:
+            self._publishers.publish_map(news.map_cdr)
+
+    def _take_event(self, event: Event) -> None:
         match event:
+            case PosePublished():
+                self._publish(event, time.monotonic())
+                return
             case StateChanged():
                 self._log.info("state", state=event.state.value, reason=event.reason)
             case Warned():
                 self._log.warning("warned", text=event.text)
+        self._vitals.take(event, time.monotonic())
+
+    def _begin_again(self) -> None:
+        """The estimation has ended by itself: another goes on from the last checkpoint."""
+        self._complain("the estimation ended unexpectedly and is started again from its last checkpoint")
+        self._estimation.close()
+        self._recorder.at_checkpoint()
+        self._estimation = self._begin(0.0)
+
+    def _complain(self, text: str) -> None:
+        self._log.warning("warned", text=text)
 
     def _tell_status(self) -> None:
-        dropped = self._dropped()
-        extra = {"run": self._folder, "unpublished": self._publishers.unpublished}
+        dropped = merged(self._dropped, self._queue_drops())
+        extra = {"run": self._folder.path, "unpublished": self._publishers.unpublished}
+        extra["unrecorded"] = self._recorder.unrecorded
         self._publishers.publish_status(time.time_ns(), self._vitals.status(dropped, extra))
         for topic, reason in {(topic, reason) for topic, reasons in dropped.items() for reason in reasons}:
             if (topic, reason) not in self._dropped_said:
                 self._dropped_said.add((topic, reason))
                 self._log.warning("dropped", topic=topic, reason=reason, note="said once; counted in wayfi/status")
 
-    def _dropped(self) -> dict[str, dict[str, int]]:
-        """What never came to the pipeline, and what it could not use."""
-        dropped = {topic: dict(reasons) for topic, reasons in self._drive.tally.dropped.items()}
-        for sensor, reasons in self._queues.dropped().items():
-            of_topic = dropped.setdefault(self._topics[sensor], {})
-            for reason, count in reasons.items():
-                of_topic[reason] = of_topic.get(reason, 0) + count
-        return dropped
+    def _queue_drops(self) -> Drops:
+        """What never came to the estimation, by topic and reason."""
+        by_topic = [{self._topics[s]: d for s, d in q.dropped().items()} for q in (self._inbox, self._backlog)]
+        return merged(*by_topic)
 
     def _drain(self) -> None:
+        """Let the estimation have what waits, but not for ever."""
+        while self._ready and (received := self._inbox.take(0.0)):
+            self._take(received)
         deadline_s = time.monotonic() + DRAIN_S
-        while time.monotonic() < deadline_s and (received := self._queues.take(0.0)):
-            self._step(received)
-        self._queues.clear()
+        while self._backlog.waiting and time.monotonic() < deadline_s:
+            self._step()
+        self._inbox.clear()
+        self._backlog.drop_messages()
 
     def _finish(self) -> None:
-        """End the drive, publish its map, and write its files."""
-        self._blackbox.close()
-        result = self._drive.finish()
-        grid, stamps_ns = result.grid, result.stamps_ns
-        stamp_ns = int(stamps_ns[-1]) if len(stamps_ns) else 0
-        self._publishers.publish(GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m))
+        """Feed what still waits, have the results written, and say so."""
+        self._drain()
+        self._finishing = True
+        self._backlog.put(Finish(self._queue_drops(), {"latency": self._vitals.latencies.summary()}))
+        deadline_s = time.monotonic() + FINISH_S
+        while self._written is None and not self._estimation.ended and time.monotonic() < deadline_s:
+            self._step()
+        self._step()
         self._tell_status()
-        self._add_queue_drops()
-        run_s = time.monotonic() - self._started_s
-        report = write_results(
-            self._folder, self._drive, result, Source(run_s, run_s, _sha256(self._blackbox.path), [])
-        )
-        report["latency"] = self._vitals.latencies.summary()
-        write_text(self._folder / "report.json", json.dumps(report, indent=1) + "\n")
-        self._log.info("stopped", poses=len(result.stamps_ns), folder=self._folder, **report["latency"])
-
-    def _add_queue_drops(self) -> None:
-        for sensor, reasons in self._queues.dropped().items():
-            for reason, count in reasons.items():
-                for _ in range(count):
-                    self._drive.tally.drop(self._topics[sensor], reason)
+        if self._written is None or self._written.error:
+            raise DaemonError(self._written.error if self._written else "the estimation did not come to its end")
+        self._folder.stopped()
+        latency = self._vitals.latencies.summary()
+        self._log.info("stopped", poses=self._written.poses, folder=self._folder.path, **latency)
 
 
 def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | None:
@@ -165,33 +265,3 @@ def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | No
         return patiently(lambda: open_session(config.zenoh), keep_trying)
     except UnreachableError:
         return None
-
-
-def _make_folder(directory: Path) -> Path:
-    """A new folder in `directory`, named by this second in UTC; the next second where there is one already."""
-    while True:
-        folder = directory / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        try:
-            folder.mkdir(parents=True)
-            return folder
-        except FileExistsError as error:
-            if not directory.is_dir():
-                raise DaemonError(f"{directory}: is no folder; see recording.directory") from error
-            time.sleep(IDLE_S)
-        except OSError as error:
-            raise DaemonError(f"{folder}: cannot be made: {error.strerror}; see recording.directory") from None
-
-
-def _open_live_log(config: Config, folder: Path, log: LogLines) -> Log:
-    """The log in its file and live; in its file alone where the port cannot be had."""
-    path, recording_id = folder / "session_0001.rrd", f"wayfi-{folder.name}"
-    try:
-        return open_log(config.rerun, path, serve=True, recording_id=recording_id)
-    except LogError as error:
-        log.warning("not_live", text=error)
-        return open_log(config.rerun, path, recording_id=recording_id)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

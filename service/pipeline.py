@@ -2,12 +2,12 @@
 
 from collections.abc import Generator, Iterator
 from contextlib import nullcontext
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.health import State
 from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.pose_graph import Factor
@@ -30,12 +30,14 @@ from wayfi.frontends.wifi import Fingerprint
 from wayfi.frontends.wifi_by_place import PlacedReadings
 from wayfi.service.config import Config
 from wayfi.service.laser_lead import LaserLead
+from wayfi.service.live_pose import Estimate
 from wayfi.service.scan_intake import ScanIntake, Sweep, sees_anything, sensor_of
 from wayfi.service.slam import Slam, Timer
 from wayfi.service.trajectory import Trajectories
 from wayfi.service.wifi_intake import WifiIntake
 
 ODOMETRY_WAIT_NS = 2_000_000_000  # of scans without odometry, after which the laser leads
+TELL_EVERY = 50  # messages of odometry, of a robot that stands still
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,12 +73,17 @@ class Pipeline:
         self._unmounted: set[str] = set()
         self._laser_watch = LaserWatch()
         self._laser_shift_ns = 0
+        self._odometry_taken = 0
+        self._told = (0, 0)
 
-    def process(self, measurement: Measurement) -> list[Event]:
-        """Take one measurement; returns what became known by it, in order."""
+    def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
+        """Take one measurement; returns what became known by it, in order.
+
+        `published` is the pose that was published for it already, on an earlier estimate.
+        """
         match measurement:
             case Odometry():
-                return list(self._odometry(measurement))
+                return list(self._odometry(measurement, published))
             case LaserScan() | PointCloud():
                 return list(self._scan(measurement))
             case WifiScan():
@@ -105,7 +112,39 @@ class Pipeline:
         )  # fmt: skip
         return result, events
 
-    def _odometry(self, m: Odometry) -> Iterator[Event]:
+    def estimate(self, serial: int) -> Estimate:
+        """What a live pose needs to go on from here."""
+        anchor = self._slam.anchor() if len(self._slam.keyframes) and not self._laser_leads else None
+        return Estimate(serial, self._odometry_taken, deepcopy(self._time), self._wheels.tip(), anchor)
+
+    def new_estimate(self, serial: int) -> Estimate | None:
+        """The estimate, where there is a new keyframe or some odometry since the last that this returned."""
+        keyframes, odometry = self._told
+        if len(self._slam.keyframes) == keyframes and self._odometry_taken < odometry + TELL_EVERY:
+            return None
+        self._told = len(self._slam.keyframes), self._odometry_taken
+        return self.estimate(serial)
+
+    def history(self) -> list[Event]:
+        """What a picture that begins now has to show first: every keyframe where it is believed to be, and the grid."""
+        events = self._slam.history()
+        if len(self._slam.keyframes):
+            grid = deepcopy(self._slam.grid).redraw(self._slam.poses)
+            events.append(GridRedrawn(self._stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m))
+        return events
+
+    @property
+    def _stamp_ns(self) -> int:
+        return self._wheels.latest.stamp_ns if self._wheels.latest else 0
+
+    def go_on(self, seconds: float) -> list[Event]:
+        """Whoever feeds this was away for so long; a new estimate is due."""
+        self._told = (-1, 0)
+        text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
+        return [Warned(self._stamp_ns, text)]
+
+    def _odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
+        self._odometry_taken += 1
         if not m.pose.is_finite():
             yield Dropped(Sensor.ODOM, m.stamp_ns, DropReason.NON_FINITE)
             return
@@ -124,9 +163,9 @@ class Pipeline:
             yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
         yield from self._laser_watch.pass_time(stamp_ns)
         yield from self._wifi.compare(stamp_ns)
-        yield from self._advance(stamp_ns, m.pose)
+        yield from self._advance(stamp_ns, m.pose, published)
 
-    def _advance(self, stamp_ns: int, T_odom_base: Pose2) -> Iterator[Event]:
+    def _advance(self, stamp_ns: int, T_odom_base: Pose2, published: PosePublished | None = None) -> Iterator[Event]:
         """The robot has come to `T_odom_base`: use what waited for it, then publish where that is."""
         if not self._wheels.advance(stamp_ns, T_odom_base):
             yield Warned(stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
@@ -137,7 +176,7 @@ class Pipeline:
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._wheels))
-        yield self._publish(point, T_odom_base)
+        yield self._publish(point, T_odom_base, published)
         yield from self._redraw_grid(stamp_ns)
 
     def _redraw_grid(self, stamp_ns: int) -> Iterator[Event]:
@@ -146,12 +185,11 @@ class Pipeline:
                 grid = self._slam.grid.redraw(self._slam.poses)
             yield GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m)
 
-    def _publish(self, point: PathPoint, T_odom_base: Pose2) -> PosePublished:
-        T_map_base, covariance = self._slam.pose_at(point)
-        self._trajectories.add(point, T_map_base)
-        state = self._slam.health.state if self._slam.health else State.TRACKING
-        T_map_odom = T_map_base @ T_odom_base.inverse()
-        return PosePublished(point.stamp_ns, T_map_base, T_map_odom, T_odom_base, covariance, state)
+    def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> PosePublished:
+        if published is None or published.stamp_ns != point.stamp_ns:
+            published = self._slam.anchor().pose_at(point, T_odom_base, self._config.odometry)
+        self._trajectories.add(point, published.T_map_base)
+        return published
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
         silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m

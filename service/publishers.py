@@ -7,11 +7,10 @@ from typing import Self
 import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-from wayfi.backend.grid_map import MapConfig
-from wayfi.frontends.events import Event, GridRedrawn, PosePublished
+from wayfi.frontends.events import PosePublished
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
-from wayfi.service.output_messages import Status, map_message, pose_message, status_message, transform_message
+from wayfi.service.output_messages import Status, pose_message, status_message, transform_message
 from wayfi.service.zenoh_session import key_of
 
 CDR = zenoh.Encoding.APPLICATION_CDR
@@ -24,10 +23,9 @@ class Publishers:
     `unpublished` counts the poses whose stamp no ROS time can hold.
     """
 
-    def __init__(self, session: zenoh.Session, config: ZenohConfig, map_config: MapConfig) -> None:
+    def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
         self._session = session
         self._config = config
-        self._map_config = map_config
         self.unpublished = 0
         urgent = zenoh.Priority.INTERACTIVE_HIGH
         with ExitStack() as opened:
@@ -50,19 +48,16 @@ class Publishers:
         """The word that all is ready; it holds as long as the token that is returned, a context manager."""
         return self._session.liveliness().declare_token(key_of(self._config, ALIVE))
 
-    def publish(self, event: Event) -> None:
-        """Publish an event, if it is one that is published."""
-        match event:
-            case PosePublished():
-                self._publish_pose(event)
-            case GridRedrawn():
-                self._map.put(map_message(event, self._map_config))
+    def publish_map(self, data: bytes) -> None:
+        """Publish the map, an OccupancyGrid's bytes."""
+        self._map.put(data)
 
     def publish_status(self, stamp_ns: int, status: Status) -> None:
         """Publish the status, as of the wall clock's `stamp_ns`."""
         self._status.put(status_message(stamp_ns, status))
 
-    def _publish_pose(self, event: PosePublished) -> None:
+    def publish_pose(self, event: PosePublished) -> None:
+        """Publish a pose and the transform that goes with it."""
         try:
             self._pose.put(pose_message(event))
             self._tf.put(transform_message(event))

@@ -62,6 +62,7 @@ class Queues:
         self._received: Counter[Sensor] = Counter()
         self._dropped: dict[Sensor, Counter[str]] = {sensor: Counter() for sensor in limits}
         self._sequence = 0
+        self._woken = False
         self._changed = threading.Condition()
 
     def put(self, sensor: Sensor, encoding: Encoding, data: bytes) -> None:
@@ -88,13 +89,28 @@ class Queues:
         return size_bytes <= self._limits[sensor].message_bytes
 
     def take(self, timeout_s: float) -> Received | None:
-        """The message that has waited longest; None where none comes in time."""
+        """The message that has waited longest; None where none comes in time, or `wake` is called."""
         with self._changed:
             first = self._first()
-            if first is None and timeout_s > 0:
+            if first is None and timeout_s > 0 and not self._woken:
                 self._changed.wait(timeout_s)
                 first = self._first()
+            self._woken = False
             return None if first is None else self._pop(first)
+
+    def wake(self) -> None:
+        """Let whoever waits look for something else; from any thread."""
+        with self._changed:
+            self._woken = True
+            self._changed.notify()
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait to be woken, whatever comes in."""
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while not self._woken and (left_s := deadline_s - time.monotonic()) > 0:
+                self._changed.wait(left_s)
+            self._woken = False
 
     def clear(self) -> None:
         """Drop what still waits, because the end has come."""

@@ -11,13 +11,14 @@ from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.calibration_file import parse_calibration, read_calibration
 from wayfi.recordings.log import Log, NullLog
-from wayfi.recordings.log_process import LogProcess
+from wayfi.recordings.log_process import LogProcess, Part
 from wayfi.recordings.mcap_log import Recording, open_recording
-from wayfi.recordings.topics import Route, route
 from wayfi.service.blackbox import CALIBRATION, CONFIG
 from wayfi.service.config import Config, load_config
 from wayfi.service.drive import Drive
+from wayfi.service.live_drive import LiveDrive
 from wayfi.service.pace import Pace
+from wayfi.service.players import BlackBoxPlayer, PlainPlayer, Player
 from wayfi.service.results import Source, write_results
 from wayfi.service.stop_signal import StopSignal
 from wayfi.service.warm_up import warm_up
@@ -69,51 +70,45 @@ def replay(
     _make_folder(options.out)
     sha256 = recording.sha256()
     log = _open_log(config, options, sha256[:16])
-    drive = Drive(config, calibration, log)
+    player = _player(recording, config, calibration, log)
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
             warm_up(config)  # else the first tenth of the drive would pay for what is loaded once
-            unused = _feed_all(recording, drive, options.rate, progress, stop)
+            _play_all(recording, player, options.rate, progress, stop)
+        drive = player.drive
         result = drive.finish()
     except BaseException:
         log.close()  # it still holds what led here
         raise
     if len(result.stamps_ns) == 0:
-        raise ReplayError(_nothing_usable(recording_path, drive, unused))
-    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in unused.items()]
+        raise ReplayError(_nothing_usable(recording_path, drive, player.unused))
+    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in player.unused.items()]
     source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
     return write_results(options.out, drive, result, source)
 
 
-def _feed_all(
-    recording: Recording, drive: Drive, rate: float | None, progress: Progress, stop: StopSignal
-) -> dict[str, str]:
-    """Feed every record in order; returns the topics that feed no sensor, each with the reason."""
-    routes: dict[tuple[str, str, str], Route] = {}
-    unused: dict[str, str] = {}
+def _player(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Player:
+    if recording.is_blackbox:
+        return BlackBoxPlayer(LiveDrive(config, calibration, log))
+    return PlainPlayer(Drive(config, calibration, log))
+
+
+def _play_all(recording: Recording, player: Player, rate: float | None, progress: Progress, stop: StopSignal) -> None:
     total = max(recording.message_count, 1)
     pace = Pace(rate)
     for number, record in enumerate(recording):
         if stop.requested:
             raise KeyboardInterrupt
-        channel = (record.topic, record.type_name, record.encoding)
-        if channel not in routes:
-            routes[channel] = route(*channel, drive.topics)
-        found = routes[channel]
-        if found.sensor is None or found.encoding is None:
-            unused[record.topic] = found.why
-            continue
         pace.wait_for(record.log_time_ns)
-        drive.show(drive.feed(found.sensor, found.encoding, record.data))
+        player.play(record)
         if number % 100 == 0:
             progress(number / total)
     progress(1.0)
-    return unused
 
 
 def _open_log(config: Config, options: ReplayOptions, recording_id: str) -> Log:
     if options.rrd and config.rerun.enabled:
-        return LogProcess(config.rerun, options.out / "session.rrd", recording_id)
+        return LogProcess(Part(config.rerun, options.out / "session.rrd", recording_id))
     return NullLog()
 
 

@@ -1,9 +1,10 @@
 """The files that a drive leaves: every one always exists, an existing folder is overwritten file by file."""
 
+import hashlib
 import json
 import platform
 import resource
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +23,7 @@ from wayfi.service.drive import Drive
 from wayfi.service.pipeline import Result
 
 MAP_VERSION = 1
+HASHED_AT_ONCE_BYTES = 1 << 20
 PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "rerun-sdk", "rosbags")
 
 
@@ -35,8 +37,10 @@ class Source:
     warnings: list[str]
 
 
-def write_results(directory: Path, drive: Drive, result: Result, source: Source) -> dict[str, Any]:
-    """Write every file of a drive into `directory`; returns the report."""
+def write_results(
+    directory: Path, drive: Drive, result: Result, source: Source, extra: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write every file of a drive into `directory`; returns the report, `extra` in it as it is."""
     with drive.timer("files"):
         _write_estimate(directory, result)
         write_closures(directory / "closures.csv", drive.tally.verdicts.values())
@@ -44,9 +48,19 @@ def write_results(directory: Path, drive: Drive, result: Result, source: Source)
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", result.calibration)
         write_map(directory, result.grid, drive.config.map, result.final[:, :2])
-    report = _report(drive, source)
+    report = _report(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
+
+
+def hash_of(paths: Sequence[Path]) -> str:
+    """The hash of the files' bytes, one after another, in hexadecimal."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            while data := file.read(HASHED_AT_ONCE_BYTES):
+                digest.update(data)
+    return digest.hexdigest()
 
 
 def _write_estimate(directory: Path, result: Result) -> None:

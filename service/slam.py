@@ -2,14 +2,14 @@
 
 import math
 from contextlib import AbstractContextManager
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.grid_map import GridMap
-from wayfi.backend.health import Health, judge_health
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all
+from wayfi.backend.health import Health, State, judge_health
+from wayfi.backend.pose2 import Floats, Pose2, between_all
 from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
 from wayfi.backend.pose_graph import Wheels as WheelFactor
 from wayfi.backend.wheel_calibration import WheelMotion
@@ -27,13 +27,15 @@ from wayfi.frontends.events import (
 from wayfi.frontends.fingerprints import Readings, Similar
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.laser_clock import LaserClock
+from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar_closer import LidarCloser
-from wayfi.frontends.odometry import PathPoint, wheel_covariance
+from wayfi.frontends.odometry import PathPoint
 from wayfi.frontends.scan_tracker import ScanTracker, Tracked
 from wayfi.frontends.verdicts import Verdicts
 from wayfi.frontends.wifi import Fingerprint, Wifi, WifiCandidate
 from wayfi.frontends.wifi_closer import WifiCloser
 from wayfi.service.config import Config
+from wayfi.service.live_pose import ORIGIN_COVARIANCE, Anchor
 from wayfi.service.scan_intake import PlacedScan
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
@@ -68,8 +70,13 @@ class Slam:
         )
         self._poses: Floats = np.zeros((64, 3))
         self._calibration: Floats = prior.wheels.values
-        self._covariance: Floats = np.diag([1e-8, 1e-8, 1e-8])
+        self._covariance: Floats = ORIGIN_COVARIANCE
         self.health: Health | None = None
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The poses are those of the graph, which has started again."""
+        vars(self).update(state)
+        self._poses[: len(self.keyframes)] = self.graph.poses()[: len(self.keyframes)]
 
     @property
     def poses(self) -> Floats:
@@ -84,15 +91,12 @@ class Slam:
         """Keyframes stand closer where the wheels are found to be poor: a factor on their distance."""
         return max(0.2, 1.0 / math.sqrt(self._tracker.inflation))
 
-    def pose_at(self, point: PathPoint) -> tuple[Pose2, Floats]:
-        """The pose in `map` at a point of the path, by the wheels from the last keyframe; its (3, 3) covariance."""
-        motion = self.motion_to(point)
-        step = motion.corrected(self._calibration)
-        T = Pose2.of(self.poses[-1]) @ step
-        lever = np.array([[1.0, 0.0, -(T.y - self.poses[-1, 1])], [0.0, 1.0, T.x - self.poses[-1, 0]], [0.0, 0.0, 1.0]])
-        turn = adjoint(Pose2(0.0, 0.0, self.poses[-1, 2]))
-        wheels = wheel_covariance(motion, self._config.odometry, self._tracker.inflation)
-        return T, lever @ self._covariance @ lever.T + turn @ wheels @ turn.T
+    def anchor(self) -> Anchor:
+        """What poses since the newest keyframe hang on."""
+        keyframe = self.keyframes[len(self.keyframes) - 1]
+        state = self.health.state if self.health else State.TRACKING
+        T_map_base = Pose2.of(self.poses[-1])
+        return Anchor(keyframe.point, T_map_base, self._covariance, self._calibration, self._tracker.inflation, state)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """A new keyframe at `point`, with its scan if there is one; closes loops from it."""
@@ -105,7 +109,7 @@ class Slam:
         events.extend(self._update(point.stamp_ns))
         T_map_base = Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan
-        points = placed.points.points.astype(np.float32) if placed else np.empty((0, 2), np.float32)
+        points = _points(placed.points if placed else None)
         events.insert(0, KeyframeAdded(number, point.stamp_ns, T_map_base, points, ratio))
         if tracked:
             before = Pose2.of(self.poses[-2])
@@ -177,6 +181,13 @@ class Slam:
         for _ in range(len(self.keyframes)):
             self.grid.add(NO_HITS)
         return self._lidar_closer.withdraw(reason)
+
+    def history(self) -> list[Event]:
+        """Every keyframe with its scan, where it is believed to be."""
+        return [
+            KeyframeAdded(k, self.keyframes[k].point.stamp_ns, Pose2.of(pose), _points(self.keyframes[k].scan), np.nan)
+            for k, pose in enumerate(self.poses)
+        ]
 
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of all fingerprints in `map`."""
@@ -265,6 +276,10 @@ class Slam:
             events.append(StateChanged(stamp_ns, health.state, health.reason))
         self.health = health
         return events
+
+
+def _points(scan: ScanPoints | None) -> NDArray[np.float32]:
+    return NO_HITS if scan is None else scan.points.astype(np.float32)
 
 
 def _fingerprint_event(f: Fingerprint, similar: Similar) -> FingerprintAdded:

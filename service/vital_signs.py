@@ -9,6 +9,7 @@ import numpy as np
 from wayfi.backend.health import State
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
+from wayfi.service.backlog import Backlog
 from wayfi.service.output_messages import ERROR, OK, WARN, Status
 from wayfi.service.queues import Queues
 
@@ -42,9 +43,10 @@ class Latencies:
 class VitalSigns:
     """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
 
-    def __init__(self, topics: dict[Sensor, str], queues: Queues) -> None:
+    def __init__(self, topics: dict[Sensor, str], inbox: Queues, backlog: Backlog) -> None:
         self._topics = topics
-        self._queues = queues
+        self._inbox = inbox
+        self._backlog = backlog
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
         self._complaints: dict[str, str] = {}
@@ -80,7 +82,8 @@ class VitalSigns:
         self._told = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
         values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
-        values |= {f"queue.{self._topics[sensor]}": depth for sensor, depth in self._queues.depths().items()}
+        fed = self._backlog.depths()
+        values |= {f"queue.{self._topics[s]}": depth + fed[s] for s, depth in self._inbox.depths().items()}
         values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
         values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
@@ -94,7 +97,7 @@ class VitalSigns:
         """Messages a second since they were last measured, at least half a period ago."""
         now_s, (since_s, before) = time.monotonic(), self._received
         if now_s - since_s >= PERIOD_S / 2 or not self._rates:
-            received = self._queues.received()
+            received = self._inbox.received()
             seconds = max(now_s - since_s, 1e-3)
             self._rates = {sensor: (n - before.get(sensor, 0)) / seconds for sensor, n in received.items()}
             self._received = (now_s, received)

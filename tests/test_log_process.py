@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from wayfi.recordings.log_process import LogProcess, LogProcessError
+from wayfi.recordings.log_process import LogProcess, LogProcessError, Part
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_log import RerunLog
 
@@ -34,13 +34,16 @@ def log_all_and_close(log: LogProcess | RerunLog) -> None:
 
 
 def test_the_file_holds_what_a_log_in_this_process_holds(tmp_path: Path) -> None:
-    beside, here = LogProcess(CONFIG, tmp_path / "a.rrd", "one"), RerunLog(CONFIG, tmp_path / "b.rrd", False, "one")
+    beside, here = (
+        LogProcess(Part(CONFIG, tmp_path / "a.rrd", "one")),
+        RerunLog(CONFIG, tmp_path / "b.rrd", False, "one"),
+    )
     for log in (beside, here):
         log_all_and_close(log)
     assert entities(tmp_path / "a.rrd") == entities(tmp_path / "b.rrd")
 
 
 def test_a_file_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
-    log = LogProcess(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one")
+    log = LogProcess(Part(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one"))
     with pytest.raises(LogProcessError, match="the log ended early"):
         log_all_and_close(log)

@@ -1,0 +1,60 @@
+"""Back to where a daemon was killed: its last checkpoint, and what its black box holds since."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.mcap_log import Record, RecordingError, open_recording
+from wayfi.service.blackbox import blackbox_parts
+from wayfi.service.checkpoint import Checkpoint, read_checkpoint
+from wayfi.service.config import Config
+from wayfi.service.live_drive import LiveDrive
+from wayfi.service.marks import MARKS_TOPIC, MarkError, MarkKind, parse_mark
+from wayfi.service.players import BlackBoxPlayer
+
+
+def recovered(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> LiveDrive:
+    """The drive of `folder` as it was at the last message that its black box holds."""
+    checkpoint = read_checkpoint(folder)
+    records = _since(folder, checkpoint) if checkpoint else None
+    if checkpoint is None or records is None:
+        live, records = LiveDrive(config, calibration, NullLog()), _records(blackbox_parts(folder))
+    else:
+        live = LiveDrive.restored(checkpoint.drive, NullLog())
+    player = BlackBoxPlayer(live)
+    for record in records:
+        player.play(record)
+    player.live.drive.log = log
+    return player.live
+
+
+def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
+    """The records after the checkpoint's mark; None where the black box does not hold it."""
+    parts = blackbox_parts(folder)
+    for k in range(len(parts) - 1, -1, -1):
+        records = _records(parts[k:])
+        for record in _records(parts[k : k + 1]):
+            next(records)
+            if _is_mark(record, checkpoint.number):
+                return records
+    return None
+
+
+def _is_mark(record: Record, number: int) -> bool:
+    if record.topic != MARKS_TOPIC:
+        return False
+    try:
+        mark = parse_mark(record.data)
+    except MarkError:
+        return False
+    return mark.kind is MarkKind.CHECKPOINT and mark.number == number
+
+
+def _records(parts: list[Path]) -> Iterator[Record]:
+    """All that is complete, part after part; a part of which nothing can be read holds nothing."""
+    for part in parts:
+        try:
+            yield from open_recording(part)
+        except RecordingError:
+            continue
