@@ -5,13 +5,14 @@ from types import TracebackType
 from typing import Self
 
 import zenoh
-from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 from wayfi.backend.grid_map import MapConfig
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
+from wayfi.service.kept_publisher import KeptPublisher
 from wayfi.service.output_messages import Status, map_message, pose_message, status_message, transform_message
+from wayfi.service.ros_publishers import MAP, POSE, TF, RosPublishers
 from wayfi.service.zenoh_session import key_of
 
 CDR = zenoh.Encoding.APPLICATION_CDR
@@ -34,8 +35,9 @@ class Publishers:
             enter = opened.enter_context
             self._pose = enter(session.declare_publisher(self._key("pose"), encoding=CDR, priority=urgent))
             self._tf = enter(session.declare_publisher(self._key("tf"), encoding=CDR, priority=urgent))
-            self._status = enter(_Kept(session, self._key("status"), zenoh.CongestionControl.DROP))
-            self._map = enter(_Kept(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._status = enter(KeptPublisher(session, self._key("status"), zenoh.CongestionControl.DROP))
+            self._map = enter(KeptPublisher(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._ros = enter(RosPublishers(session, config))
             self._opened = opened.pop_all()
 
     def __enter__(self) -> Self:
@@ -56,7 +58,7 @@ class Publishers:
             case PosePublished():
                 self._publish_pose(event)
             case GridRedrawn():
-                self._map.put(map_message(event, self._map_config))
+                self._publish_map(map_message(event, self._map_config))
 
     def publish_status(self, stamp_ns: int, status: Status) -> None:
         """Publish the status, as of the wall clock's `stamp_ns`."""
@@ -64,50 +66,18 @@ class Publishers:
 
     def _publish_pose(self, event: PosePublished) -> None:
         try:
-            self._pose.put(pose_message(event))
-            self._tf.put(transform_message(event))
+            pose, transform = pose_message(event), transform_message(event)
         except CodecError:
             self.unpublished += 1
+            return
+        self._pose.put(pose)
+        self._tf.put(transform)
+        self._ros.put(POSE, pose)
+        self._ros.put(TF, transform)
+
+    def _publish_map(self, data: bytes) -> None:
+        self._map.put(data)
+        self._ros.put(MAP, data)
 
     def _key(self, name: str) -> str:
         return key_of(self._config, f"wayfi/{name}")
-
-
-class _Kept:
-    """A publisher whose last message is kept: for subscribers that ask for history, and as the answer to a query."""
-
-    def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:
-        self._key = key
-        self._last: bytes | None = None
-        with ExitStack() as opened:
-            self._publisher = opened.enter_context(
-                declare_advanced_publisher(
-                    session,
-                    key,
-                    encoding=CDR,
-                    congestion_control=congestion_control,
-                    priority=zenoh.Priority.DATA_LOW,
-                    cache=CacheConfig(max_samples=1),
-                    publisher_detection=True,
-                )
-            )
-            opened.enter_context(session.declare_queryable(key, self._answer))
-            self._opened = opened.pop_all()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._opened.close()
-
-    def put(self, data: bytes) -> None:
-        """Publish `data` and keep it in the place of what was kept."""
-        self._last = data
-        self._publisher.put(data)
-
-    def _answer(self, query: zenoh.Query) -> None:
-        with query:
-            if self._last is not None:
-                query.reply(self._key, self._last, encoding=CDR)
