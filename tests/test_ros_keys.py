@@ -35,8 +35,8 @@ def parsed_key(key: str) -> tuple[int, str, str]:
 
 
 def parsed_token(token: str) -> dict[str, str]:
-    names = ("space", "domain", "session", "node", "entity", "kind", "enclave", "namespace", "name")
-    names += ("topic", "type", "hash", "qos")
+    where = ("space", "domain", "session", "node", "entity", "kind", "enclave", "namespace", "name")
+    names = (*where, "topic", "type", "hash", "qos")
     return dict(zip(names, (part.replace("%", "/") for part in token.split("/")), strict=False))
 
 
