@@ -5,9 +5,9 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.grid_map import MapConfig
@@ -31,7 +31,11 @@ class ZenohConfig:
     mode: str = option("peer", "peer|client|router", "a peer needs no router; several programs connect to it")
     listen: list[str] = option(["tcp/127.0.0.1:7447"], "endpoints", "loopback: nothing listens beyond unless told to")
     connect: list[str] = option([], "endpoints", "a router or peers to connect to; retried for ever")
-    prefix: str = option("", "", "in front of every key; one for each robot of a fleet")
+    prefix: str = option("", "", "in front of every key; one for each robot of a fleet; a namespace in ROS 2")
+    ros: Literal["none", "bridge", "rmw"] = option(
+        "none", "none|bridge|rmw", "adds /tf, /map and the pose for ROS 2 behind zenoh-bridge-ros2dds or rmw_zenoh"
+    )
+    ros_domain: Annotated[int, Field(ge=0, le=232)] = option(0, "", "rmw: ROS_DOMAIN_ID of those who are to see them")
     odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
     scan_queue: int = option(20, "messages", "half a second at 40 Hz: behind a slow step the latest scans matter")
 

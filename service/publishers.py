@@ -5,12 +5,14 @@ from types import TracebackType
 from typing import Self
 
 import zenoh
-from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 from wayfi.frontends.events import PosePublished
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
+from wayfi.service.kept_publisher import KeptPublisher
+from wayfi.service.newest_only import NewestOnly
 from wayfi.service.output_messages import Status, pose_message, status_message, transform_message
+from wayfi.service.ros_publishers import MAP, POSE, TF, RosPublishers
 from wayfi.service.zenoh_session import key_of
 
 CDR = zenoh.Encoding.APPLICATION_CDR
@@ -18,7 +20,7 @@ ALIVE = "wayfi/alive"
 
 
 class Publishers:
-    """Publishes events; a context manager. Nothing here waits for a subscriber that is slow, but for the map's.
+    """Publishes; a context manager. Nothing here waits for a subscriber that is slow.
 
     `unpublished` counts the poses whose stamp no ROS time can hold.
     """
@@ -32,8 +34,10 @@ class Publishers:
             enter = opened.enter_context
             self._pose = enter(session.declare_publisher(self._key("pose"), encoding=CDR, priority=urgent))
             self._tf = enter(session.declare_publisher(self._key("tf"), encoding=CDR, priority=urgent))
-            self._status = enter(_Kept(session, self._key("status"), zenoh.CongestionControl.DROP))
-            self._map = enter(_Kept(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._status = enter(KeptPublisher(session, self._key("status"), zenoh.CongestionControl.DROP))
+            self._map = enter(KeptPublisher(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._ros = enter(RosPublishers(session, config))
+            self._maps = enter(NewestOnly(self._put_map))
             self._opened = opened.pop_all()
 
     def __enter__(self) -> Self:
@@ -49,8 +53,8 @@ class Publishers:
         return self._session.liveliness().declare_token(key_of(self._config, ALIVE))
 
     def publish_map(self, data: bytes) -> None:
-        """Publish the map, an OccupancyGrid's bytes."""
-        self._map.put(data)
+        """Publish the map, an OccupancyGrid's bytes; who takes it slowly holds up the next map and nothing else."""
+        self._maps.put(data)
 
     def publish_status(self, stamp_ns: int, status: Status) -> None:
         """Publish the status, as of the wall clock's `stamp_ns`."""
@@ -59,50 +63,18 @@ class Publishers:
     def publish_pose(self, event: PosePublished) -> None:
         """Publish a pose and the transform that goes with it."""
         try:
-            self._pose.put(pose_message(event))
-            self._tf.put(transform_message(event))
+            pose, transform = pose_message(event), transform_message(event)
         except CodecError:
             self.unpublished += 1
+            return
+        self._pose.put(pose)
+        self._tf.put(transform)
+        self._ros.put(POSE, pose)
+        self._ros.put(TF, transform)
+
+    def _put_map(self, data: bytes) -> None:
+        self._map.put(data)
+        self._ros.put(MAP, data)
 
     def _key(self, name: str) -> str:
         return key_of(self._config, f"wayfi/{name}")
-
-
-class _Kept:
-    """A publisher whose last message is kept: for subscribers that ask for history, and as the answer to a query."""
-
-    def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:
-        self._key = key
-        self._last: bytes | None = None
-        with ExitStack() as opened:
-            self._publisher = opened.enter_context(
-                declare_advanced_publisher(
-                    session,
-                    key,
-                    encoding=CDR,
-                    congestion_control=congestion_control,
-                    priority=zenoh.Priority.DATA_LOW,
-                    cache=CacheConfig(max_samples=1),
-                    publisher_detection=True,
-                )
-            )
-            opened.enter_context(session.declare_queryable(key, self._answer))
-            self._opened = opened.pop_all()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._opened.close()
-
-    def put(self, data: bytes) -> None:
-        """Publish `data` and keep it in the place of what was kept."""
-        self._last = data
-        self._publisher.put(data)
-
-    def _answer(self, query: zenoh.Query) -> None:
-        with query:
-            if self._last is not None:
-                query.reply(self._key, self._last, encoding=CDR)

@@ -23,6 +23,7 @@ from wayfi.recordings.simulation.run import odometry, start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.topics import Encoding
 from wayfi.recordings.tum import read_tum
+from wayfi.service.backlog import Backlog
 from wayfi.service.config import load_config
 from wayfi.service.drive import topics_of
 from wayfi.service.output_messages import OK, WARN
@@ -266,7 +267,8 @@ def test_the_report_says_what_is_wrong(minute: Simulated, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", ["one scan of 500 readings", "ten minutes of silence", "randomised BSSIDs"])
 def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorded) -> None:
     config = load_config()
-    vitals = VitalSigns(topics_of(config.recording), Queues(limits_of(config.zenoh)))
+    limits = limits_of(config.zenoh)
+    vitals = VitalSigns(topics_of(config.recording), Queues(limits), Backlog(limits))
     vitals.take(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
     assert vitals.status({}, {}).level == OK
     lasting: dict[str, str] = {}

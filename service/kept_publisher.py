@@ -1,0 +1,52 @@
+"""A publisher whose last message is kept for those who come late."""
+
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import zenoh
+from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
+
+HEARTBEAT_S = 0.5  # rmw_zenoh's own
+
+
+class KeptPublisher:
+    """Keeps its last message for subscribers that ask for history, and as the answer to a query; a context manager."""
+
+    def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:
+        self._key = key
+        self._last: tuple[bytes, bytes | None] | None = None
+        with ExitStack() as opened:
+            self._publisher = opened.enter_context(
+                declare_advanced_publisher(
+                    session,
+                    key,
+                    encoding=zenoh.Encoding.APPLICATION_CDR,
+                    congestion_control=congestion_control,
+                    priority=zenoh.Priority.DATA_LOW,
+                    cache=CacheConfig(max_samples=1),
+                    publisher_detection=True,
+                    sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
+                )
+            )
+            opened.enter_context(session.declare_queryable(key, self._answer))
+            self._opened = opened.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._opened.close()
+
+    def put(self, data: bytes, *, attachment: bytes | None = None) -> None:
+        """Publish `data` and keep it in the place of what was kept."""
+        self._last = data, attachment
+        self._publisher.put(data, attachment=attachment)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            if self._last is not None:
+                data, attachment = self._last
+                query.reply(self._key, data, encoding=zenoh.Encoding.APPLICATION_CDR, attachment=attachment)
