@@ -1,6 +1,7 @@
 """`wayfi run`: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
 
 import time
+from collections import deque
 from contextlib import ExitStack
 
 import zenoh
@@ -13,10 +14,11 @@ from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.backlog import Backlog
 from wayfi.service.blackbox import BlackBox
+from wayfi.service.commands import Command, Commands, Name
 from wayfi.service.config import Config
 from wayfi.service.drive import topics_of
 from wayfi.service.estimation import Estimation
-from wayfi.service.estimator_messages import Finish, News, Ready, Start, Written
+from wayfi.service.estimator_messages import Finish, News, Ready, Request, Save, Start, Written
 from wayfi.service.live_drive import live_pose
 from wayfi.service.log_lines import LogLines
 from wayfi.service.marks import Mark, MarkKind
@@ -50,12 +52,15 @@ def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = Fa
         session = _meet(config, stop, log)
         if session is not None:
             with session:
-                Daemon(config, calibration, session, log, open_run_folder(config, calibration, fresh)).run(stop)
+                while not stop.requested:
+                    folder = open_run_folder(config, calibration, fresh)
+                    Daemon(config, calibration, session, log, folder).run(stop)
+                    fresh = True
     return 0
 
 
 class Daemon:
-    """One run, in a folder of its own."""
+    """One run, in a folder of its own: until it is told to stop, or to begin anew in another."""
 
     def __init__(
         self, config: Config, calibration: Calibration | None, session: zenoh.Session, log: LogLines, folder: RunFolder
@@ -77,11 +82,14 @@ class Daemon:
         self._published_ns = -1
         self._written: Written | None = None
         self._finishing = False
+        self._paused = False
+        self._is_over = False
+        self._saving: deque[Command] = deque()
         self._recorder = Recorder(self._open_blackbox, folder.path, config.recording, self._complain)
         self._estimation = self._begin(folder.away_s)
 
     def run(self, stop: StopSignal) -> None:
-        """Publish and estimate what comes until `stop`, then what still waits, and write every file."""
+        """Publish and estimate what comes until `stop` or a reset, then what still waits, and write every file."""
         with ExitStack() as opened:
             opened.callback(self._close_estimation)
             opened.callback(self._recorder.close)
@@ -93,12 +101,14 @@ class Daemon:
                 self._step()
             if not self._folder.resumes:
                 subscribed.enter_context(self._subscribers())
+            self._commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
             subscribed.enter_context(self._publishers.announce())
             self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
-            while not stop.requested:
+            while not stop.requested and not self._is_over:
                 self._step()
+                self._obey_all()
             subscribed.close()
-            self._log.info("stopping", signal=stop.name, waiting=sum(self._inbox.depths().values()))
+            self._log.info("stopping", signal=stop.name or "reset", waiting=sum(self._inbox.depths().values()))
             self._finish()
 
     def _begin(self, away_s: float | None) -> Estimation:
@@ -133,6 +143,9 @@ class Daemon:
 
     def _take(self, received: Received) -> None:
         """Publish the pose of an odometry message, and let the estimation have every message."""
+        if self._paused:
+            self._backlog.refuse(received.sensor, QueueDrop.PAUSED)
+            return
         if received.sensor is Sensor.ODOM:
             if not self._backlog.has_room(Sensor.ODOM):
                 self._backlog.refuse(Sensor.ODOM, QueueDrop.QUEUE_FULL)
@@ -163,7 +176,7 @@ class Daemon:
             case News():
                 self._take_news(report)
             case Written():
-                self._written = report
+                self._take_written(report)
 
     def _be_ready(self, ready: Ready) -> None:
         """A drive that goes on is ready when its estimate has come."""
@@ -203,8 +216,48 @@ class Daemon:
         """The estimation has ended by itself: another goes on from the last checkpoint."""
         self._complain("the estimation ended unexpectedly and is started again from its last checkpoint")
         self._estimation.close()
+        while self._saving:
+            self._saving.popleft().answer(False, "the estimation ended unexpectedly")
         self._recorder.at_checkpoint()
         self._estimation = self._begin(0.0)
+
+    def _obey_all(self) -> None:
+        for command in self._commands.take():
+            self._log.info("command", name=command.name, argument=command.argument)
+            match command.name:
+                case Name.PAUSE | Name.RESUME:
+                    self._pause(command)
+                case Name.SAVE:
+                    self._saving.append(command)
+                    self._accept(command, Save())
+                case Name.RESET:
+                    self._is_over = True
+                    self._accept(command)
+                    command.answer(True, f"{self._folder.path} is being closed; a new run begins")
+                case Name.MODE:
+                    known = command.argument == "mapping"
+                    wrong = f"no mode {command.argument!r}: this daemon maps, and knows the mode 'mapping' alone"
+                    command.answer(known, "mapping" if known else wrong)
+
+    def _pause(self, command: Command) -> None:
+        paused = command.name is Name.PAUSE
+        if paused != self._paused:
+            self._paused = paused
+            self._accept(command)
+        command.answer(True, "paused: what comes in is dropped" if paused else "running")
+
+    def _accept(self, command: Command, request: Request | None = None) -> None:
+        """Put a command that changes something into the black box, and what it asks of the estimation after it."""
+        self._backlog.put(Mark(MarkKind.COMMAND, text=command.name))
+        if request is not None:
+            self._backlog.put(request)
+
+    def _take_written(self, written: Written) -> None:
+        """The answer to the oldest that waits for one: a command to save, or the end."""
+        if not self._saving:
+            self._written = written
+            return
+        self._saving.popleft().answer(not written.error, written.error or f"written to {self._folder.path}")
 
     def _complain(self, text: str) -> None:
         self._log.warning("warned", text=text)
@@ -212,6 +265,7 @@ class Daemon:
     def _tell_status(self) -> None:
         dropped = merged(self._dropped, self._queue_drops())
         extra = {"run": self._folder.path, "unpublished": self._publishers.unpublished}
+        extra["paused"] = str(self._paused).lower()
         extra["unrecorded"] = self._recorder.unrecorded
         self._publishers.publish_status(time.time_ns(), self._vitals.status(dropped, extra))
         for topic, reason in {(topic, reason) for topic, reasons in dropped.items() for reason in reasons}:

@@ -21,6 +21,7 @@ class QueueDrop(StrEnum):
     QUEUE_FULL = "queue_full"
     TOO_LARGE = "too_large"
     STOPPED = "stopped"
+    PAUSED = "paused"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,7 @@
 """The two trajectories of a drive: as it was published, and as it is believed at the end."""
 
+from array import array
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +14,9 @@ class Trajectories:
     """One entry for each accepted odometry message: its place on the path and the pose published for it."""
 
     def __init__(self) -> None:
-        self._stamps: list[int] = []
-        self._path: list[tuple[float, float, float, float]] = []
-        self._online: list[tuple[float, float, float]] = []
+        self._stamps = array("q")
+        self._path = array("d")
+        self._online = array("d")
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -23,8 +25,8 @@ class Trajectories:
         """Add the next message."""
         T = point.T_path_base
         self._stamps.append(point.stamp_ns)
-        self._path.append((T.x, T.y, T.theta, point.path_m))
-        self._online.append((published.x, published.y, published.theta))
+        self._path.extend((T.x, T.y, T.theta, point.path_m))
+        self._online.extend((published.x, published.y, published.theta))
 
     def stamps_ns(self) -> NDArray[np.int64]:
         """(n,) stamps, strictly increasing."""
@@ -32,11 +34,11 @@ class Trajectories:
 
     def online(self) -> Floats:
         """(n, 3) poses of base_link in `map` as they were published."""
-        return np.array(self._online).reshape(-1, 3)
+        return np.array(self._online, np.float64).reshape(-1, 3)
 
     def final(self, keyframes: list[PathPoint], poses: Floats, calibration: Floats) -> Floats:
         """(n, 3) poses given the keyframes' `poses` (m, 3): the wheels between them, bent to meet both ends."""
-        stamps, path = self.stamps_ns(), np.array(self._path).reshape(-1, 4)
+        stamps, path = self.stamps_ns(), np.array(self._path, np.float64).reshape(-1, 4)
         kf_stamps = np.array([k.stamp_ns for k in keyframes], np.int64)
         kf_path = np.array([(*k.T_path_base.array(), k.path_m) for k in keyframes])
         k = np.clip(np.searchsorted(kf_stamps, stamps, side="right") - 1, 0, len(keyframes) - 1)

@@ -1,7 +1,7 @@
 """How the daemon is doing: state, rates, queues, drops and latencies, as its status and its report tell it."""
 
 import time
-from array import array
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.service.backlog import Backlog
 from wayfi.service.output_messages import ERROR, OK, WARN, Status
 from wayfi.service.queues import Queues
+from wayfi.service.timing import StageCost
 
 LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
 RECENT_POSES = 1000
@@ -19,24 +20,33 @@ PERIOD_S = 1.0
 
 
 class Latencies:
-    """Seconds from the receive callback of a message to the put of the pose that it gave."""
+    """Seconds from the receive callback of a message to the put of the pose that it gave, in bounded memory."""
 
     def __init__(self) -> None:
-        self._seconds = array("d")
+        self._all = StageCost()
+        self._recent: deque[float] = deque(maxlen=RECENT_POSES)
+        self._poses = 0
 
     def __len__(self) -> int:
-        return len(self._seconds)
+        return self._poses
 
     def add(self, seconds: float) -> None:
         """Add one pose."""
-        self._seconds.append(seconds)
+        self._all.add(seconds)
+        self._recent.append(seconds)
+        self._poses += 1
 
-    def summary(self, last: int | None = None) -> dict[str, float]:
-        """p50, p99 and max in ms, of the `last` poses or of all; empty before the first."""
-        seconds = np.array(self._seconds[-last:] if last else self._seconds)
-        if not len(seconds):
+    def summary(self) -> dict[str, float]:
+        """p50, p99 and max in ms of all poses; empty before the first."""
+        if not self._poses:
             return {}
-        p50, p99, most = np.percentile(seconds, [50, 99, 100]) * 1e3
+        return {name: value for name, value in self._all.summary().items() if name in ("p50_ms", "p99_ms", "max_ms")}
+
+    def recent(self) -> dict[str, float]:
+        """The same of the last `RECENT_POSES`."""
+        if not self._recent:
+            return {}
+        p50, p99, most = np.percentile(list(self._recent), [50, 99, 100]) * 1e3
         return {"p50_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3), "max_ms": round(float(most), 3)}
 
 
@@ -87,7 +97,7 @@ class VitalSigns:
         values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
         values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
-        values |= {f"latency.{name}": value for name, value in self.latencies.summary(RECENT_POSES).items()}
+        values |= {f"latency.{name}": value for name, value in self.latencies.recent().items()}
         state = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
         level = max(LEVEL[self._state], WARN) if self._complaints else LEVEL[self._state]
         message = "; ".join([state, *self._complaints.values()])
