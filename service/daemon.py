@@ -18,6 +18,7 @@ from wayfi.recordings.rerun_log import open_log
 from wayfi.recordings.rerun_stream import LogError
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config
+from wayfi.service.connection_watch import ConnectionWatch
 from wayfi.service.drive import Drive, topics_of
 from wayfi.service.log_lines import LogLines
 from wayfi.service.publishers import Publishers
@@ -46,7 +47,7 @@ def run_daemon(config: Config, calibration: Calibration | None, quiet: bool = Fa
     with StopSignal() as stop:
         session = _meet(config, stop, log)
         if session is not None:
-            with session:
+            with session, ConnectionWatch(session, config.zenoh, log):
                 warm_up(config)
                 Daemon(config, calibration, session, log).run(stop)
     return 0
@@ -156,7 +157,7 @@ def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | No
     said: set[str] = set()
 
     def keep_trying(error: UnreachableError) -> bool:
-        if not said:
+        if str(error) not in said:
             log.warning("waiting", text=error)
         said.add(str(error))
         return not stop.requested

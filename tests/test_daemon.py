@@ -238,7 +238,7 @@ def pose_of(message: Message) -> Pose2:
 def test_it_ends_cleanly_with_every_file(drive: Drive) -> None:
     assert drive.exit_code == 0, drive.daemon.stderr
     assert {path.name for path in drive.daemon.folder.iterdir()} == FILES
-    assert all(line.split()[1] in ("info", "warning") for line in drive.daemon.stderr.splitlines())
+    assert all(json.loads(line)["level"] in ("info", "warning") for line in drive.daemon.stderr.splitlines())
 
 
 def test_one_pose_for_each_odometry_message_with_its_stamp(drive: Drive) -> None:
