@@ -125,8 +125,10 @@ def _refuse_impossible(section: Any, path: str) -> None:  # noqa: ANN401 - any s
             _refuse_impossible(value, f"{path}{f.name}.")
         elif isinstance(value, float) and not math.isfinite(value):
             raise ConfigError(f"{path}{f.name}: must be finite (it is {value})")
-        elif isinstance(value, float) and f.metadata["unit"] and value <= 0:
+        elif isinstance(value, int | float) and f.metadata["unit"] and value <= 0:
             raise ConfigError(f"{path}{f.name}: must be above zero, in {f.metadata['unit']} (it is {value})")
+        elif f.name == "port" and not 0 < value < 65536:
+            raise ConfigError(f"{path}{f.name}: must be from 1 to 65535 (it is {value})")
         elif f.name == "mount" and len(value) not in (0, 3):
             raise ConfigError(f"{path}{f.name}: must be empty or three numbers, x, y, theta (it is {value})")
 

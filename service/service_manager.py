@@ -21,11 +21,11 @@ class ServiceManager:
 
     def ready(self, status: str) -> None:
         """All is up; `status` is one line for a person."""
-        self._send(f"READY=1\nSTATUS={status}")
+        self._send(f"READY=1\nSTATUS={_line(status)}")
 
     def status(self, text: str) -> None:
         """One line for a person."""
-        self._send(f"STATUS={text}")
+        self._send(f"STATUS={_line(text)}")
 
     def alive(self) -> None:
         """The main loop turns; to be called at each turn, it sends a third of the watchdog's time apart."""
@@ -42,6 +42,10 @@ class ServiceManager:
         if self._address:
             with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
                 sender.sendto(text.encode(), self._address)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.splitlines())
 
 
 def _watchdog_s(environment: Mapping[str, str]) -> float:
