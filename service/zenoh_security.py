@@ -47,7 +47,7 @@ def credentials(config: SecurityConfig, endpoint: str) -> str:
 
 
 def _passwords(config: SecurityConfig, admits: bool) -> dict[str, str]:
-    settings = {}
+    settings: dict[str, str] = {}
     if config.user:
         password = _text(config, "password_file").strip()
         if not password:

@@ -15,6 +15,7 @@ from wayfi.service.zenoh_security import credentials, security_settings
 RETRY_S = 0.2
 RETRY = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 PROBE_S = 1.0
+MAX_MESSAGE_BYTES = 64 << 20  # twice the largest cloud; Zenoh's own is 1 GiB, of memory, for each that connects
 WAIT_BEFORE_CLOSE_US = 60_000_000  # of a reliable put to a daemon that is busy; Zenoh's own 5 s would cut it off
 
 
@@ -106,6 +107,7 @@ def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> dict[
         "connect": {"endpoints": list(connect), "retry": RETRY, **patience},
         "scouting": {"multicast": {"enabled": False}},
         "timestamping": {"enabled": True},  # what is kept for late joiners is ordered by it
+        "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
     }
 

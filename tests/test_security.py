@@ -19,7 +19,13 @@ from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.messages import ODOMETRY
 from wayfi.service.config import SecurityConfig, ZenohConfig, config_toml, load_config
 from wayfi.service.zenoh_security import SecurityError
-from wayfi.service.zenoh_session import RefusedError, UnreachableError, open_guest_session, open_session
+from wayfi.service.zenoh_session import (
+    MAX_MESSAGE_BYTES,
+    RefusedError,
+    UnreachableError,
+    open_guest_session,
+    open_session,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 from loopback import CLI, Authority, eventually, free_port, secret
@@ -316,7 +322,22 @@ def test_a_missing_file_ends_the_daemon_with_one_line(tmp_path: Path) -> None:
     assert line.startswith("wayfi: zenoh.security.users_file")
 
 
-# Nothing beyond loopback
+# Nothing without bounds, and nothing beyond loopback
+
+
+def test_a_message_of_any_size_is_let_go_and_the_next_one_is_received() -> None:
+    config = ZenohConfig(listen=[endpoint()])
+    received: list[int] = []
+    with (
+        open_session(config) as session,
+        session.declare_subscriber("points", lambda sample: received.append(len(sample.payload))),
+        open_guest_session(config) as guest,
+        guest.declare_publisher("points", congestion_control=zenoh.CongestionControl.BLOCK) as publisher,
+    ):
+        for size in (MAX_MESSAGE_BYTES // 2, MAX_MESSAGE_BYTES + 1, 7):
+            publisher.put(bytes(size))
+        eventually(lambda: 7 in received)
+    assert received == [MAX_MESSAGE_BYTES // 2, 7]
 
 
 def test_nothing_listens_beyond_loopback_unless_told_to(tmp_path: Path) -> None:
