@@ -203,7 +203,7 @@ def run(
 ) -> None:
     """Run the daemon: Zenoh in, Zenoh out, black box, live Rerun; SIGINT and SIGTERM end it."""
     with _output(quiet, as_json) as output:
-        from wayfi.service.daemon import run_daemon
+        from wayfi.service.run import run_daemon
 
         code = run_daemon(_configured(config, settings), _calibration(calibration), fresh, quiet)
         output.result({"exit_code": code})

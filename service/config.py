@@ -25,6 +25,19 @@ class ConfigError(WayfiError):
 
 
 @dataclass(frozen=True)
+class SecurityConfig:
+    """Who may connect, and as whom. Files, so that no secret is saved with a run; empty is off."""
+
+    user: str = option("", "", "the name that is shown to those this program connects to")
+    password_file: str = option("", "path", "the user's password and nothing else; not open to every user")
+    users_file: str = option("", "path", "user:password lines: who is admitted; with a user and no such file, nobody")
+    root_ca: str = option("", "path", "PEM: who must have signed the certificate of the other side, on tls/ endpoints")
+    certificate: str = option("", "path", "PEM: this machine's own, shown both ways; whoever connects needs one")
+    key: str = option("", "path", "PEM: the certificate's private key; not open to every user")
+    access_control_file: str = option("", "path", "a Zenoh configuration, of it access_control: who may do what")
+
+
+@dataclass(frozen=True)
 class ZenohConfig:
     """How the daemon meets the network."""
 
@@ -38,6 +51,7 @@ class ZenohConfig:
     ros_domain: Annotated[int, Field(ge=0, le=232)] = option(0, "", "rmw: ROS_DOMAIN_ID of those who are to see them")
     odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
     scan_queue: int = option(20, "messages", "half a second at 40 Hz: behind a slow step the latest scans matter")
+    security: SecurityConfig = field(default_factory=SecurityConfig)
 
 
 @dataclass(frozen=True)
@@ -119,8 +133,10 @@ def _refuse_impossible(section: Any, path: str) -> None:  # noqa: ANN401 - any s
             _refuse_impossible(value, f"{path}{f.name}.")
         elif isinstance(value, float) and not math.isfinite(value):
             raise ConfigError(f"{path}{f.name}: must be finite (it is {value})")
-        elif isinstance(value, float) and f.metadata["unit"] and value <= 0:
+        elif isinstance(value, int | float) and f.metadata["unit"] and value <= 0:
             raise ConfigError(f"{path}{f.name}: must be above zero, in {f.metadata['unit']} (it is {value})")
+        elif f.name == "port" and not 0 < value < 65536:
+            raise ConfigError(f"{path}{f.name}: must be from 1 to 65535 (it is {value})")
         elif f.name == "mount" and len(value) not in (0, 3):
             raise ConfigError(f"{path}{f.name}: must be empty or three numbers, x, y, theta (it is {value})")
 

@@ -1,4 +1,4 @@
-"""`wayfi run`: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
+"""The daemon: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
 
 import time
 from collections import deque
@@ -25,12 +25,12 @@ from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.publishers import Publishers
 from wayfi.service.queues import QueueDrop, Queues, Received, limits_of
 from wayfi.service.recorder import Recorder
-from wayfi.service.run_folder import RunFolder, open_run_folder
+from wayfi.service.run_folder import RunFolder
+from wayfi.service.service_manager import ServiceManager
 from wayfi.service.stop_signal import StopSignal
 from wayfi.service.subscribers import Subscribers
 from wayfi.service.tally import Drops, merged
 from wayfi.service.vital_signs import VitalSigns
-from wayfi.service.zenoh_session import UnreachableError, open_session, patiently
 
 IDLE_S = 0.1
 DRAIN_S = 3.0  # of the ten seconds between the signal and the last file
@@ -41,33 +41,16 @@ class DaemonError(WayfiError):
     """A daemon that cannot go on."""
 
 
-def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = False, quiet: bool = False) -> int:
-    """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs only what warns.
-
-    Goes on with the newest run if that was not stopped, unless `fresh`. Raises ZenohError where its endpoints cannot
-    be had, RunFolderError where its folder cannot, DaemonError where the results could not be written.
-    """
-    log = LogLines(quiet)
-    with StopSignal() as stop:
-        session = _meet(config, stop, log)
-        if session is not None:
-            with session:
-                while not stop.requested:
-                    folder = open_run_folder(config, calibration, fresh)
-                    Daemon(config, calibration, session, log, folder).run(stop)
-                    fresh = True
-    return 0
-
-
 class Daemon:
     """One run, in a folder of its own: until it is told to stop, or to begin anew in another."""
 
     def __init__(
-        self, config: Config, calibration: Calibration | None, session: zenoh.Session, log: LogLines, folder: RunFolder
+        self, config: Config, calibration: Calibration | None, folder: RunFolder, session: zenoh.Session, log: LogLines
     ) -> None:
         self._config = config
         self._calibration = calibration
         self._log = log
+        self._manager = ServiceManager()
         self._session = session
         self._folder = folder
         self._topics = topics_of(config.recording)
@@ -104,10 +87,13 @@ class Daemon:
             self._commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
             subscribed.enter_context(self._publishers.announce())
             self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
+            self._manager.ready(f"run in {self._folder.path}")
             while not stop.requested and not self._is_over:
                 self._step()
                 self._obey_all()
             subscribed.close()
+            if stop.requested:
+                self._manager.stopping()
             self._log.info("stopping", signal=stop.name or "reset", waiting=sum(self._inbox.depths().values()))
             self._finish()
 
@@ -129,6 +115,7 @@ class Daemon:
 
     def _step(self) -> None:
         """Take the next message, or what the estimation says, or wait for either."""
+        self._manager.alive()
         ended = self._estimation.ended
         for report in self._estimation.reports():
             self._take_report(report)
@@ -303,19 +290,3 @@ class Daemon:
         self._folder.stopped()
         latency = self._vitals.latencies.summary()
         self._log.info("stopped", poses=self._written.poses, folder=self._folder.path, **latency)
-
-
-def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | None:
-    """The session. A client waits until there is a router, or until it is told to stop: None."""
-    said: set[str] = set()
-
-    def keep_trying(error: UnreachableError) -> bool:
-        if not said:
-            log.warning("waiting", text=error)
-        said.add(str(error))
-        return not stop.requested
-
-    try:
-        return patiently(lambda: open_session(config.zenoh), keep_trying)
-    except UnreachableError:
-        return None

@@ -1,4 +1,7 @@
-"""The daemon's log: one line of `time level event key=value ...` on stderr for each thing worth knowing."""
+"""The daemon's log on stderr, one line for each thing worth knowing.
+
+A terminal gets `time level event key=value ...`, anything else JSON with `time`, `level`, `event` and the same keys.
+"""
 
 import json
 import sys
@@ -10,22 +13,30 @@ class LogLines:
 
     def __init__(self, quiet: bool = False) -> None:
         self._quiet = quiet
+        self._line = _plain if sys.stderr.isatty() else _json
 
     def info(self, event: str, **fields: object) -> None:
         """Something happened as it should."""
         if not self._quiet:
-            _write("info", event, fields)
+            self._write("info", event, fields)
 
     def warning(self, event: str, **fields: object) -> None:
         """Something a person should look at; the daemon goes on."""
-        _write("warning", event, fields)
+        self._write("warning", event, fields)
+
+    def _write(self, level: str, event: str, fields: dict[str, object]) -> None:
+        moment = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        sys.stderr.write(self._line(moment, level, event, fields) + "\n")
+        sys.stderr.flush()
 
 
-def _write(level: str, event: str, fields: dict[str, object]) -> None:
-    moment = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    words = [moment, level, event, *(f"{key}={_quoted(str(value))}" for key, value in fields.items())]
-    sys.stderr.write(" ".join(words) + "\n")
-    sys.stderr.flush()
+def _plain(moment: str, level: str, event: str, fields: dict[str, object]) -> str:
+    return " ".join([moment, level, event, *(f"{key}={_quoted(str(value))}" for key, value in fields.items())])
+
+
+def _json(moment: str, level: str, event: str, fields: dict[str, object]) -> str:
+    numbers_kept = {key: value if isinstance(value, int | float) else str(value) for key, value in fields.items()}
+    return json.dumps({"time": moment, "level": level, "event": event, **numbers_kept})
 
 
 def _quoted(text: str) -> str:

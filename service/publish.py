@@ -17,7 +17,7 @@ from wayfi.service.drive import topics_of
 from wayfi.service.pace import Pace
 from wayfi.service.publishers import ALIVE
 from wayfi.service.subscribers import SYNC
-from wayfi.service.zenoh_session import UnreachableError, key_of, open_guest_session, patiently
+from wayfi.service.zenoh_session import RefusedError, UnreachableError, key_of, open_guest_session, patiently
 
 WAIT_S = 10.0
 SYNC_S = 60.0
@@ -65,8 +65,13 @@ def publish_recording(
 
 
 def _connect(config: ZenohConfig, deadline_s: float) -> zenoh.Session:
+    def may_come(error: UnreachableError) -> bool:
+        return not isinstance(error, RefusedError) and time.monotonic() < deadline_s
+
     try:
-        return patiently(lambda: open_guest_session(config), lambda _: time.monotonic() < deadline_s)
+        return patiently(lambda: open_guest_session(config), may_come)
+    except RefusedError:
+        raise
     except UnreachableError:
         raise _nobody(config) from None
 

@@ -15,7 +15,7 @@ from wayfi.service.drive import topics_of
 from wayfi.service.queues import QueueLimit, Queues, Received
 from wayfi.service.stop_signal import StopSignal
 from wayfi.service.subscribers import Subscribers
-from wayfi.service.zenoh_session import open_guest_session, patiently
+from wayfi.service.zenoh_session import RefusedError, UnreachableError, open_guest_session, patiently
 
 LIMIT = QueueLimit(messages=100_000, message_bytes=32 << 20)
 IDLE_S = 0.1
@@ -33,14 +33,18 @@ class RecordSummary:
 def record_topics(out: Path, config: Config, ready: Callable[[], None] = lambda: None) -> RecordSummary:
     """Write the sensors' messages to `out` until SIGINT or SIGTERM; log times are those of receiving.
 
-    `ready` is called when everything is subscribed to. Raises ZenohError, or RecordingError where `out` cannot be
-    written.
+    `ready` is called when everything is subscribed to. Raises ZenohError where it is refused, or
+    RecordingError where `out` cannot be written.
     """
+
+    def may_come(error: UnreachableError) -> bool:
+        return not isinstance(error, RefusedError) and not stop.requested
+
     topics = topics_of(config.recording)
     queues = Queues(dict.fromkeys(Sensor, LIMIT))
     with StopSignal() as stop, ExitStack() as opened:
         connect = partial(open_guest_session, config.zenoh)
-        session = opened.enter_context(patiently(connect, lambda _: not stop.requested))
+        session = opened.enter_context(patiently(connect, may_come))
         writer = opened.enter_context(McapWriter(out))
         tape = _Tape(writer, topics)
         with Subscribers(session, config.zenoh, topics, queues):

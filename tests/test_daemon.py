@@ -55,8 +55,10 @@ from wayfi.service.queues import QueueDrop, Received
 from wayfi.service.replay import settings_for
 from wayfi.service.zenoh_session import ZenohError, key_of, open_guest_session, open_session
 
+sys.path.insert(0, str(Path(__file__).parent))
+from loopback import CLI, eventually, free_port
+
 DATA = Path(__file__).parents[2] / "shared" / "data"
-CLI = [sys.executable, "-m", "wayfi.service.cli"]
 FILES = {
     "trajectory.tum",
     "online.tum",
@@ -78,20 +80,6 @@ CUT_S = 60
 
 
 # Processes
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def eventually(condition: Callable[[], Any]) -> None:
-    """Wait until `condition` holds; fail where it does not for half a minute."""
-    deadline_s = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < deadline_s, "it never came to be"
-        time.sleep(0.02)
 
 
 def message_of(data: bytes, type_name: str) -> Message:
@@ -241,7 +229,7 @@ def pose_of(message: Message) -> Pose2:
 def test_it_ends_cleanly_with_every_file(drive: Drive) -> None:
     assert drive.exit_code == 0, drive.daemon.stderr
     assert {path.name for path in drive.daemon.folder.iterdir()} == FILES
-    assert all(line.split()[1] in ("info", "warning") for line in drive.daemon.stderr.splitlines())
+    assert all(json.loads(line)["level"] in ("info", "warning") for line in drive.daemon.stderr.splitlines())
 
 
 def test_one_pose_for_each_odometry_message_with_its_stamp(drive: Drive) -> None:
@@ -366,6 +354,27 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     assert str(port) in line
     assert "in use" in line
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_directory_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    words = [
+        *("--set", f"zenoh.listen=['tcp/127.0.0.1:{free_port()}']", "--set", f"rerun.port={free_port()}"),
+        *("--set", f"recording.directory={tmp_path / 'file' / 'runs'}"),
+    ]
+    done = subprocess.run([*CLI, "run", *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"wayfi: {tmp_path}/file/runs")
+    assert "cannot be written" in line
+
+
+@pytest.mark.parametrize("setting", ["zenoh.no_key=1", "zenoh.security.password=secret", "zenoh.odom_queue=0"])
+def test_a_setting_that_is_none_is_one_line(setting: str) -> None:
+    done = subprocess.run([*CLI, "run", "--set", setting], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"wayfi: {setting.partition('=')[0]}: ")
 
 
 # Late joiners
