@@ -13,7 +13,6 @@ import pytest
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from wayfi.backend.grid_map import MapConfig
 from wayfi.service.config import SecurityConfig, ZenohConfig, load_config
 from wayfi.service.output_messages import OK, Status
 from wayfi.service.publishers import Publishers
@@ -127,7 +126,7 @@ def test_the_station_sees_a_daemon_come_alive_and_the_map_that_it_kept(fleet: Fl
     with (
         fleet.router(),
         open_session(robot) as session,
-        Publishers(session, robot, MapConfig()) as publishers,
+        Publishers(session, robot) as publishers,
         publishers.announce(),
         fleet.guest("station") as station,
     ):
@@ -200,7 +199,7 @@ def test_the_healthcheck_tells_a_daemon_that_is_ready_from_one_that_is_not(tmp_p
     file = tmp_path / "robot.toml"
     file.write_text(f'[zenoh]\nlisten = ["{config.listen[0]}"]\nconnect = ["tcp/127.0.0.1:1"]\nprefix = "robot-a"\n')
     away = health(file)
-    with open_session(config) as session, Publishers(session, config, MapConfig()) as publishers:
+    with open_session(config) as session, Publishers(session, config) as publishers:
         starting = health(file)
         with publishers.announce():
             ready = health(file)
