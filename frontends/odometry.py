@@ -87,7 +87,7 @@ class Wheels:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
-            if distance > max(0.5, self._config.max_speed_m_s * seconds):
+            if not distance <= max(0.5, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance)
         self._raw = T_odom_base

@@ -38,7 +38,7 @@ class Drive:
                 measurement = decode(data, sensor, encoding)
         except CodecError as error:
             if self.tally.drop(topic, DropReason.UNDECODABLE) == 1:
-                self.tally.warnings.append(f"{topic}: {error}")
+                self.tally.warn(f"{topic}: {error}")
             return []
         with self.timer("process"):
             return self._pipeline.process(measurement)

@@ -1,5 +1,7 @@
 """The two trajectories of a drive: as it was published, and as it is believed at the end."""
 
+from array import array
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +14,9 @@ class Trajectories:
     """One entry for each accepted odometry message: its place on the path and the pose published for it."""
 
     def __init__(self) -> None:
-        self._stamps: list[int] = []
-        self._path: list[tuple[float, float, float, float]] = []
-        self._online: list[tuple[float, float, float]] = []
+        self._stamps = array("q")
+        self._path = array("d")
+        self._online = array("d")
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -23,8 +25,8 @@ class Trajectories:
         """Add the next message."""
         T = point.T_path_base
         self._stamps.append(point.stamp_ns)
-        self._path.append((T.x, T.y, T.theta, point.path_m))
-        self._online.append((published.x, published.y, published.theta))
+        self._path.extend((T.x, T.y, T.theta, point.path_m))
+        self._online.extend((published.x, published.y, published.theta))
 
     def stamps_ns(self) -> NDArray[np.int64]:
         """(n,) stamps, strictly increasing."""
