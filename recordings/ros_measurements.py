@@ -26,8 +26,8 @@ from wayfi.recordings.point_times import seconds_after_stamp
 Message = Any
 Float32s = NDArray[np.float32]
 
-MAX_BEAMS = 100_000
-MAX_READINGS = 10_000
+MAX_BEAMS = 50_000
+MAX_READINGS = 2_000
 MAX_TRANSFORMS = 300
 MAX_FIELDS = 100  # of a point
 MAX_NAME = 256  # letters of a frame or a receiver

@@ -78,7 +78,7 @@ def as_cloud(scan: LaserScan) -> PointCloud:
     """A small cloud of what a scan sees, at the height of a 3D LiDAR's band."""
     beams = np.linspace(0, len(scan.ranges) - 1, CLOUD_POINTS).astype(int)
     bearings = scan.angle_min + beams * scan.angle_increment
-    ranges = scan.ranges[beams]
+    ranges = np.nan_to_num(scan.ranges[beams], nan=0.0, posinf=0.0)
     points = np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings), np.zeros(CLOUD_POINTS)], axis=1)
     return PointCloud(scan.stamp_ns, scan.frame_id, points.astype(np.float32))
 
