@@ -30,8 +30,8 @@ class Stamped:
 class TimeBase:
     """One offset for all sensors, since they share the robot's clock; order is kept for each stream by itself.
 
-    A clock set forward looks like a gap in the data, and is taken for one, unless it had been set back before: then
-    it is right again.
+    A clock set forward looks like a gap in the data, and is taken for one. Where the stamps of messages would not
+    reach so far, it is right again after it was set back, and the offset is taken back.
     """
 
     def __init__(self) -> None:
@@ -61,9 +61,11 @@ class TimeBase:
     def _leapt_ahead(self, stream: _Stream, stamp_ns: int) -> Stamped:
         if self._is_lone_leap(stream, stamp_ns):
             return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
+        if stamp_ns <= LAST_LEAP_NS:
+            return _follow(stream, stamp_ns)
         next_ns = stream.last_ns + max(stream.interval_ns, 1) + stamp_ns - stream.ahead[0]
-        taken_back_ns = min(self.offset_ns, max(stamp_ns - next_ns, 0))
         stream.ahead.clear()
+        taken_back_ns = min(self.offset_ns, max(stamp_ns - next_ns, 0))
         if stamp_ns - taken_back_ns > LAST_LEAP_NS:
             return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
         self.offset_ns -= taken_back_ns
