@@ -18,6 +18,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from drives import simulated
 from fuzzed_drive import Fed, as_cloud, fuzzed, thinned
@@ -106,8 +108,17 @@ def run(kind: str, messages: int, seed: int) -> Outcome:
     outcome.seconds = time.perf_counter() - start_s
     outcome.dropped = {topic: dict(reasons) for topic, reasons in drive.tally.dropped.items()}
     outcome.warnings = len(drive.tally.warnings)
-    drive.finish()
+    finish(drive, outcome)
     return outcome
+
+
+def finish(drive: Drive, outcome: Outcome) -> None:
+    """End a drive: what it was fed must not keep it from that either."""
+    try:
+        if not np.isfinite(drive.finish().final).all():
+            outcome.errors["a final pose that is not finite"] += 1
+    except Exception:
+        outcome.errors[traceback.format_exc(limit=-3)] += 1
 
 
 def feed(drive: Drive, fed: Fed, outcome: Outcome) -> None:
