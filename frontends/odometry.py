@@ -11,6 +11,8 @@ from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 
+LONGEST_S = 3600.0  # between two keyframes; a longer gap is a clock's, and would count as years of a gyroscope's bias
+
 
 @dataclass(frozen=True)
 class OdometryConfig:
@@ -55,7 +57,7 @@ class PathPoint:
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """What the wheels say of the way from here to `later`."""
-        seconds = (later.stamp_ns - self.stamp_ns) * 1e-9
+        seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
         return WheelMotion(self.T_path_base.between(later.T_path_base), later.path_m - self.path_m, seconds)
 
 

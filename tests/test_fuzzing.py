@@ -205,3 +205,14 @@ def test_warnings_are_counted_rather_than_repeated() -> None:
         drive.show(drive.feed(Sensor.ODOM, Encoding.CDR, encode(Odometry(START_NS + i * SECOND_NS, pose))))
     leapt = "the odometry leapt further than a robot drives; the leap counts as no motion"
     assert drive.tally.warnings == [f"{leapt} (99 times)"]
+
+
+def test_a_clock_that_leaps_by_decades_makes_the_pose_no_looser_than_an_hour_does() -> None:
+    def after(gap_s: int) -> PosePublished:
+        stamps = [k if k < 3 else k + gap_s for k in range(12)]
+        drive = [Odometry(START_NS + s * SECOND_NS, Pose2(0.3 * k, 0.0, 0.0)) for k, s in enumerate(stamps)]
+        return [event for event in feed(pipeline(), drive) if isinstance(event, PosePublished)][-1]
+
+    hour, decade = after(3600), after(315_000_000)
+    np.testing.assert_allclose(decade.covariance, hour.covariance, rtol=1e-3)
+    assert decade.T_map_base.distance(hour.T_map_base) < 1e-6
