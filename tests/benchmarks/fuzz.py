@@ -14,7 +14,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -105,6 +105,7 @@ def run(kind: str, messages: int, seed: int) -> Outcome:
         feed(drive, fed, outcome)
         if outcome.mutated >= messages * (len(outcome.rss_mb) + 1) // SHOWN_TIMES:
             outcome.measure()
+            print(f"{kind}: {outcome.mutated}, {outcome.rss_mb[-1]:.0f} MB", file=sys.stderr, flush=True)  # noqa: T201
     outcome.seconds = time.perf_counter() - start_s
     outcome.dropped = {topic: dict(reasons) for topic, reasons in drive.tally.dropped.items()}
     outcome.warnings = len(drive.tally.warnings)
@@ -160,7 +161,8 @@ def main() -> int:
     sound = True
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=context, max_tasks_per_child=1) as pool:
-        for outcome in pool.map(run, KINDS, each, range(options.seed, options.seed + len(KINDS))):
+        legs = [pool.submit(run, kind, each[i], options.seed + i) for i, kind in enumerate(KINDS)]
+        for outcome in (leg.result() for leg in as_completed(legs)):
             print("\n".join(lines_of(outcome)), flush=True)  # noqa: T201 - it is a command
             sound = sound and outcome.sound_memory and not outcome.errors
     return 0 if sound else 1
