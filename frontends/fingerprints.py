@@ -19,7 +19,7 @@ from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.postings import LOWEST_DBM, Postings
 
-_BSSID = re.compile(r"^[0-9a-f]{2}(:[0-9a-f]{2}){5}$")
+_BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 _GROWTH = 2
 EXAMINED = 512  # candidates whose similarity is computed
 MOST_SIMILAR = 64
@@ -40,7 +40,7 @@ def usable_readings(scan: WifiScan) -> Readings:
     kept: dict[str, tuple[float, float]] = {}
     dropped = []
     for bssid, rssi, age in zip(scan.bssids, scan.rssi.tolist(), scan.age_s.tolist(), strict=True):
-        if not _BSSID.match(bssid):
+        if not _BSSID.fullmatch(bssid):
             dropped.append(DropReason.MALFORMED_BSSID)
         elif not -120.0 <= rssi <= 0.0:
             dropped.append(DropReason.ABSURD_RSSI)

@@ -10,6 +10,10 @@ import numpy as np
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
+from wayfi.frontends.events import DropReason
+
+FURTHEST_M = 1e8  # from the origin of the odometry: beyond it a number is no place, and millimetres are lost
+LONGEST_S = 3600.0  # between two keyframes; a longer gap is a clock's, and would count as years of a gyroscope's bias
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,14 @@ def calibration_prior(config: OdometryConfig) -> WheelCalibration:
     return WheelCalibration(np.zeros(4), sigmas)
 
 
+def fault_of(T_odom_base: Pose2) -> DropReason | None:
+    """Why a pose of the odometry is none, if so."""
+    if not T_odom_base.is_finite():
+        return DropReason.NON_FINITE
+    absurd = max(abs(T_odom_base.x), abs(T_odom_base.y)) > FURTHEST_M
+    return DropReason.IMPLAUSIBLE_MOTION if absurd else None
+
+
 @dataclass(frozen=True, slots=True)
 class PathPoint:
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows."""
@@ -55,7 +67,7 @@ class PathPoint:
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """What the wheels say of the way from here to `later`."""
-        seconds = (later.stamp_ns - self.stamp_ns) * 1e-9
+        seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
         return WheelMotion(self.T_path_base.between(later.T_path_base), later.path_m - self.path_m, seconds)
 
 
@@ -94,7 +106,7 @@ class Wheels:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
-            if distance > max(0.5, self._config.max_speed_m_s * seconds):
+            if not distance <= max(0.5, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance)
         self._raw = T_odom_base

@@ -7,6 +7,7 @@ from wayfi.frontends.events import DropReason
 LASTING_JUMP_NS = 1_000_000_000
 LASTING_MESSAGES = 5
 LEAP_NS = 60_000_000_000  # ahead: a gap, if the next messages agree; a lone one is a broken stamp
+LAST_LEAP_NS = (2**31 - 365 * 86_400) * 1_000_000_000  # no leap goes further: a year is left of what a message can say
 
 
 @dataclass(slots=True)
@@ -29,7 +30,8 @@ class Stamped:
 class TimeBase:
     """One offset for all sensors, since they share the robot's clock; order is kept for each stream by itself.
 
-    A clock set forward looks like a gap in the data, and is taken for one.
+    A clock set forward looks like a gap in the data, and is taken for one. Where the stamps of messages would not
+    reach so far, it is right again after it was set back, and the offset is taken back.
     """
 
     def __init__(self) -> None:
@@ -41,19 +43,33 @@ class TimeBase:
         known = self._streams.get(stream)
         stamp_ns += self.offset_ns
         if known is None:
-            self._streams[stream] = _Stream(stamp_ns)
-            return Stamped(stamp_ns)
-        if stamp_ns - known.last_ns > LEAP_NS and self._is_lone_leap(known, stamp_ns):
-            return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
+            return self._begin(stream, stamp_ns)
+        if stamp_ns - known.last_ns > LEAP_NS:
+            return self._leapt_ahead(known, stamp_ns)
         if stamp_ns > known.last_ns:
-            known.ahead.clear()
-            known.interval_ns = stamp_ns - known.last_ns
-            known.last_ns = stamp_ns
-            known.back.clear()
-            return Stamped(stamp_ns)
+            return _follow(known, stamp_ns)
         if stamp_ns == known.last_ns:
             return Stamped(stamp_ns, DropReason.DUPLICATE)
         return self._jumped_back(known, stamp_ns)
+
+    def _begin(self, stream: str, stamp_ns: int) -> Stamped:
+        if stamp_ns > LAST_LEAP_NS:
+            return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
+        self._streams[stream] = _Stream(stamp_ns)
+        return Stamped(stamp_ns)
+
+    def _leapt_ahead(self, stream: _Stream, stamp_ns: int) -> Stamped:
+        if self._is_lone_leap(stream, stamp_ns):
+            return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
+        if stamp_ns <= LAST_LEAP_NS:
+            return _follow(stream, stamp_ns)
+        next_ns = stream.last_ns + max(stream.interval_ns, 1) + stamp_ns - stream.ahead[0]
+        stream.ahead.clear()
+        taken_back_ns = min(self.offset_ns, max(stamp_ns - next_ns, 0))
+        if stamp_ns - taken_back_ns > LAST_LEAP_NS:
+            return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
+        self.offset_ns -= taken_back_ns
+        return _follow(stream, stamp_ns - taken_back_ns, -taken_back_ns)
 
     def _is_lone_leap(self, stream: _Stream, stamp_ns: int) -> bool:
         """Whether a stamp far ahead still stands alone; after as many in a row as a lasting jump takes it is a gap."""
@@ -76,3 +92,11 @@ class TimeBase:
         stream.last_ns = stamp_ns + shift_ns
         stream.back.clear()
         return Stamped(stamp_ns + shift_ns, shift_ns=shift_ns)
+
+
+def _follow(stream: _Stream, stamp_ns: int, shift_ns: int = 0) -> Stamped:
+    stream.ahead.clear()
+    stream.back.clear()
+    stream.interval_ns = stamp_ns - stream.last_ns
+    stream.last_ns = stamp_ns
+    return Stamped(stamp_ns, shift_ns=shift_ns)

@@ -19,6 +19,7 @@ NEAR_M = 1.0  # to each side: a phone that reports an access point once a metre 
 TOGETHER_S = 0.5  # ages that are below this, or unknown: the scan was taken where it ended
 COME_QUANTILE = 0.9  # of the ages of a scan: so long it waits for later scans to tell of its place
 KEEP_NS = 30 * SECOND_NS  # a robot that stands still gathers no more than this
+MOST_KEPT = 500  # scans of a receiver: that long, channel by channel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +43,8 @@ class _Scan:
 
 @dataclass(frozen=True, slots=True)
 class _Receiver:
-    heard: deque[_Scan] = field(default_factory=deque)
-    waiting: deque[_Scan] = field(default_factory=deque)
+    heard: deque[_Scan] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    waiting: deque[_Scan] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
 
 
 class WifiByPlace:

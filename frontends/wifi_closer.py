@@ -153,7 +153,7 @@ class WifiCloser:
         if self._graph.restarts:
             return None  # review looks again, in the estimate that comes of it
         posterior = self._posterior(claim, poses)
-        if posterior < self._config.min_posterior:
+        if not posterior >= self._config.min_posterior:
             return None
         return self._believe(claim, poses, f"agrees with the estimate: {posterior:.1%} likely")
 
@@ -164,6 +164,8 @@ class WifiCloser:
         apart = T_a_map.transform(pair.apart(poses))[0]
         covariance = self._graph.place_covariance(a.keyframe, b.keyframe, b.place)
         covariance += pair.sigma_m[0] ** 2 * np.eye(2)
+        if np.linalg.eigvalsh(covariance)[0] <= 0:
+            return 0.0  # the estimate is so loose that rounding decides: it speaks for no pair
         chi2 = apart @ np.linalg.solve(covariance, apart)
         variance = np.sqrt(np.linalg.det(covariance))
         ratio = float(likelihood_ratio(chi2, variance, driven_area(poses)))

@@ -5,6 +5,7 @@ import struct
 from rosbags.serde import SerdeError
 
 from wayfi.frontends.measurements import Measurement, Sensor
+from wayfi.recordings.cdr_counts import check_entries
 from wayfi.recordings.codec_error import CodecError
 from wayfi.recordings.json_codec import json_of_message, message_of_json
 from wayfi.recordings.messages import TYPE_OF_SENSOR, TYPESTORE, sensor_of_type
@@ -38,6 +39,7 @@ def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
             return to_measurement(message_of_json(data, TYPE_OF_SENSOR[sensor]), sensor)
         if sensor is Sensor.WIFI:
             return read_wifi_scan(data)
+        check_entries(data, sensor)
         return to_measurement(TYPESTORE.deserialize_cdr(memoryview(data), TYPE_OF_SENSOR[sensor]), sensor)
     except _MALFORMED as error:
         raise CodecError(f"malformed {TYPE_OF_SENSOR[sensor]} in {encoding}: {error}") from error

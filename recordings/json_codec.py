@@ -14,6 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from wayfi.recordings.codec_error import CodecError
 from wayfi.recordings.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD, TF_MESSAGE, TYPESTORE, WIFI_SCAN
+from wayfi.recordings.ros_measurements import MAX_BEAMS, MAX_FIELDS, MAX_READINGS, MAX_TRANSFORMS, check_count
 
 Message = Any
 Description = Any
@@ -33,15 +34,24 @@ REQUIRED: dict[str, frozenset[str]] = {
         | {f"transforms.transform.{name}" for name in ("translation.x", "translation.y", "rotation.z", "rotation.w")}
     ),
 }
+MAX_ENTRIES = {
+    "ranges": MAX_BEAMS,
+    "intensities": MAX_BEAMS,
+    "readings": MAX_READINGS,
+    "transforms": MAX_TRANSFORMS,
+    "fields": MAX_FIELDS,
+}
+MAX_COMMAS = 250_000  # so many values take 40 ms to read; a scan of the most beams has 100,000
 _FLOAT_LIMITS = {"float32": float(np.finfo(np.float32).max), "float64": float(np.finfo(np.float64).max)}
 
 
 def message_of_json(data: bytes, type_name: str) -> Message:
     """The message of `type_name` in JSON `data`.
 
-    Raises CodecError for missing fields, wrong types and numbers out of range; ValueError or RecursionError where
-    `data` is not JSON.
+    Raises CodecError for missing fields, wrong types, numbers out of range and too much of it; ValueError or
+    RecursionError where `data` is not JSON.
     """
+    check_count("commas", data.count(b","), MAX_COMMAS)
     return _message(json.loads(data), type_name, "", REQUIRED[type_name])
 
 
@@ -90,9 +100,10 @@ def _field(value: object, description: Description, path: str, required: frozens
 
 def _array(value: object, element: Description, fixed: int | None, path: str, required: frozenset[str]) -> object:
     if isinstance(value, str) and element[1][0] == "uint8":
-        value = list(base64.b64decode(value, validate=True))
+        return np.frombuffer(base64.b64decode(value, validate=True), np.uint8)
     if not isinstance(value, list):
         raise CodecError(f"{path} is {_kind(value)}, not a list")
+    check_count(path, len(value), MAX_ENTRIES.get(path, len(value)))
     if fixed is not None and len(value) != fixed:
         raise CodecError(f"{path} has {len(value)} entries, not {fixed}")
     if element[0] == Nodetype.NAME:

@@ -26,9 +26,11 @@ from wayfi.recordings.point_times import seconds_after_stamp
 Message = Any
 Float32s = NDArray[np.float32]
 
-MAX_BEAMS = 100_000
-MAX_READINGS = 10_000
-MAX_TRANSFORMS = 1_000
+MAX_BEAMS = 50_000
+MAX_READINGS = 2_000
+MAX_TRANSFORMS = 300
+MAX_FIELDS = 100  # of a point
+MAX_NAME = 256  # letters of a frame or a receiver
 _SMALLEST_SQUARED_NORM = 1e-12
 
 
@@ -64,8 +66,16 @@ def check_count(what: str, count: int, limit: int) -> None:
         raise CodecError(f"{count} {what} in one message; the limit is {limit}")
 
 
+def check_name(name: str) -> str:
+    """`name`, of a frame or a receiver. Raises CodecError where it is longer than `MAX_NAME`."""
+    if len(name) > MAX_NAME:
+        raise CodecError(f"a name of {len(name)} letters; the limit is {MAX_NAME}")
+    return name
+
+
 def _header_stamp_ns(message: Message) -> int:
     stamp = message.header.stamp
+    check_name(message.header.frame_id)
     return stamp_ns_of(stamp.sec, stamp.nanosec)
 
 
@@ -90,7 +100,7 @@ def _read_odometry(message: Message) -> Odometry:
         Pose2(pose.position.x, pose.position.y, _theta(pose.orientation)),
         _planar_covariance(message.pose.covariance),
         message.header.frame_id,
-        message.child_frame_id,
+        check_name(message.child_frame_id),
     )
 
 
@@ -140,7 +150,8 @@ def _read_static_transforms(message: Message) -> StaticTransforms:
 
 def _read_static_transform(message: Message) -> StaticTransform:
     t, q = message.transform.translation, message.transform.rotation
-    return StaticTransform(message.header.frame_id, message.child_frame_id, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+    child = check_name(message.child_frame_id)
+    return StaticTransform(message.header.frame_id, child, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
 
 
 _READERS: dict[Sensor, Callable[[Message], Measurement]] = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from wayfi.frontends.measurements import WifiScan
 from wayfi.recordings.codec_error import CodecError
-from wayfi.recordings.ros_measurements import MAX_READINGS, check_count, stamp_ns_of, wifi_scan
+from wayfi.recordings.ros_measurements import MAX_READINGS, check_count, check_name, stamp_ns_of, wifi_scan
 
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _TIME = {order: Struct(order + "iI") for order in "<>"}
@@ -31,6 +31,7 @@ def read_wifi_scan(data: bytes) -> WifiScan:
     body = data[4:]
     stamp_ns = stamp_ns_of(*_TIME[order].unpack_from(body, 0))
     receiver, position = _string(body, 8, _LENGTH[order], "strict")
+    check_name(receiver)
     position = _aligned(position)
     (count,) = _LENGTH[order].unpack_from(body, position)
     check_count("readings", count, MAX_READINGS)

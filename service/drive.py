@@ -49,7 +49,7 @@ class Drive:
                 return decode(data, sensor, encoding)
         except CodecError as error:
             if self.tally.drop(topic, DropReason.UNDECODABLE) == 1:
-                self.tally.warnings.append(f"{topic}: {error}")
+                self.tally.warn(f"{topic}: {error}")
             return None
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:

@@ -11,7 +11,7 @@ from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.frontends.odometry import OdometryConfig, PathPoint, Wheels, wheel_covariance
+from wayfi.frontends.odometry import OdometryConfig, PathPoint, Wheels, fault_of, wheel_covariance
 from wayfi.frontends.timebase import TimeBase
 
 ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])
@@ -98,7 +98,7 @@ class LivePose:
 
     def _pose_for(self, m: Odometry) -> PosePublished | None:
         estimate, wheels = self._estimate, self._estimate.wheels
-        if not m.pose.is_finite():
+        if fault_of(m.pose):
             return None
         stamped = estimate.time.accept(Sensor.ODOM, m.stamp_ns)
         if stamped.dropped or (wheels.latest and stamped.stamp_ns <= wheels.latest.stamp_ns):

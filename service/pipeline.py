@@ -24,7 +24,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, keyframe_due
+from wayfi.frontends.odometry import PathPoint, Wheels, calibration_prior, fault_of, keyframe_due
 from wayfi.frontends.timebase import TimeBase
 from wayfi.frontends.wifi import Fingerprint
 from wayfi.frontends.wifi_by_place import PlacedReadings
@@ -38,6 +38,7 @@ from wayfi.service.wifi_intake import WifiIntake
 
 ODOMETRY_WAIT_NS = 2_000_000_000  # of scans without odometry, after which the laser leads
 TELL_EVERY = 50  # messages of odometry, of a robot that stands still
+MOST_UNMOUNTED = 32  # frames that are told of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,8 +90,8 @@ class Pipeline:
             case WifiScan():
                 return list(self._wifi_scan(measurement))
             case StaticTransforms():
-                self._scans.take_transforms(measurement)
-                return []
+                refused = self._scans.take_transforms(measurement)
+                return [Dropped(Sensor.TF_STATIC, measurement.stamp_ns, reason) for reason in refused]
 
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: what still waits is used or dropped, and the grid is drawn."""
@@ -145,8 +146,8 @@ class Pipeline:
 
     def _odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
         self._odometry_taken += 1
-        if not m.pose.is_finite():
-            yield Dropped(Sensor.ODOM, m.stamp_ns, DropReason.NON_FINITE)
+        if fault := fault_of(m.pose):
+            yield Dropped(Sensor.ODOM, m.stamp_ns, fault)
             return
         stamp_ns = yield from self._stamp(Sensor.ODOM, m.stamp_ns)
         if stamp_ns is None:
@@ -216,7 +217,8 @@ class Pipeline:
             yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
             return
         self._laser = sensor
-        self._scans.wait(stamp_ns, sweep)
+        for late in self._scans.wait(stamp_ns, sweep):
+            yield Dropped(sensor_of(late), late.stamp_ns, DropReason.TOO_MANY_WAIT)
         yield from self._use_scans()
         if self._laser_leads or self._scans.waited_ns > ODOMETRY_WAIT_NS:
             yield from self._lead_by_laser(stamp_ns)
@@ -269,7 +271,8 @@ class Pipeline:
         yield from self._slam.forget_scans(f"of before the laser's stamps were corrected: {text}")
 
     def _warn_unmounted(self, scan: Sweep) -> Iterator[Event]:
-        if scan.frame_id not in self._unmounted and not self._scans.knows(scan.frame_id):
+        told = scan.frame_id in self._unmounted or len(self._unmounted) >= MOST_UNMOUNTED
+        if not told and not self._scans.knows(scan.frame_id):
             self._unmounted.add(scan.frame_id)
             text = f"no /tf_static says where {scan.frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"
             yield Warned(scan.stamp_ns, text)
@@ -293,7 +296,8 @@ class Pipeline:
         """The stamp on the time base as the generator's return value; None if the message is dropped."""
         stamped = self._time.accept(sensor, stamp_ns)
         if stamped.shift_ns:
-            text = f"the clock was set back: stamps are shifted by {self._time.offset_ns * 1e-9:+.3f} s from here on"
+            where = "back" if stamped.shift_ns > 0 else "forward again"
+            text = f"the clock was set {where}: stamps are shifted by {self._time.offset_ns * 1e-9:+.3f} s from here on"
             yield Warned(stamped.stamp_ns, text)
         if stamped.dropped:
             yield Dropped(sensor, stamped.stamp_ns, stamped.dropped)

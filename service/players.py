@@ -85,7 +85,7 @@ class BlackBoxPlayer:
         try:
             mark = parse_mark(data)
         except MarkError as error:
-            self.drive.tally.warnings.append(str(error))
+            self.drive.tally.warn(str(error))
             return
         self.drive.show(self.live.obey(mark))
         self.live.new_estimate()

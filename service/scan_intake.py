@@ -9,13 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.events import DropReason
 from wayfi.frontends.laser_points import ScanPoints, beam_points, planar_mount, returns, to_base, walls_seen
 from wayfi.frontends.lidar import LidarConfig
-from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms
 from wayfi.frontends.odometry import PathPoint, Wheels
 from wayfi.service.cloud_intake import CloudIntake, any_return, turn_ns
 
 GAP_NS = 1_000_000_000
+MOST_FRAMES = 100  # whose mounts are kept
+MOST_WAITING, MOST_POINTS_WAITING = 200, 20_000_000  # scans: 5 s at 40 Hz; of what they hold: some 300 MB
+FURTHEST_MOUNT_M = 100.0
+SMALLEST_NORM, LARGEST_NORM = 1e-3, 1e3  # of a quaternion
 
 Sweep = LaserScan | PointCloud
 
@@ -42,21 +47,43 @@ class ScanIntake:
         self._mounts: dict[str, tuple[Pose2, bool]] = {}
         self.clouds = CloudIntake(config)
         self._waiting: deque[tuple[int, Sweep]] = deque()
+        self._points_waiting = 0
 
-    def take_transforms(self, transforms: StaticTransforms) -> None:
-        """Learn where sensors are mounted on the base."""
+    def take_transforms(self, transforms: StaticTransforms) -> list[DropReason]:
+        """Learn where sensors are mounted on the base; returns why a mount is not taken, for each that is not."""
+        refused = []
         for t in transforms.transforms:
-            if t.frame_id == self._base_frame and np.isfinite((*t.translation_xyz, *t.rotation_xyzw)).all():
+            if t.frame_id != self._base_frame:
+                continue
+            reason = self._refuses(t)
+            if reason:
+                refused.append(reason)
+            else:
                 self._mounts[t.child_frame_id] = planar_mount(t)
                 self.clouds.take(t)
+        return refused
+
+    def _refuses(self, t: StaticTransform) -> DropReason | None:
+        away_m, norm = math.hypot(*t.translation_xyz), math.hypot(*t.rotation_xyzw)
+        if not (math.isfinite(away_m) and math.isfinite(norm)):
+            return DropReason.NON_FINITE
+        if away_m > FURTHEST_MOUNT_M or not SMALLEST_NORM <= norm <= LARGEST_NORM:
+            return DropReason.ABSURD_MOUNT
+        full = len(self._mounts) >= MOST_FRAMES and t.child_frame_id not in self._mounts
+        return DropReason.TOO_MANY_FRAMES if full else None
 
     def knows(self, frame_id: str) -> bool:
         """Whether the mount of a frame is known, from /tf_static or the configuration."""
         return bool(self._config.mount) or frame_id in self._mounts or frame_id == self._base_frame
 
-    def wait(self, stamp_ns: int, scan: Sweep) -> None:
-        """Queue a scan until the odometry has come so far."""
+    def wait(self, stamp_ns: int, scan: Sweep) -> list[Sweep]:
+        """Queue a scan until the odometry has come so far; returns those that make room for it, unused."""
         self._waiting.append((stamp_ns, scan))
+        self._points_waiting += size(scan)
+        dropped = []
+        while len(self._waiting) > MOST_WAITING or self._points_waiting > max(MOST_POINTS_WAITING, size(scan)):
+            dropped.append(self._pop()[1])
+        return dropped
 
     def waiting(self) -> list[tuple[int, Sweep]]:
         """The scans that wait, oldest first, each with its stamp on the time base."""
@@ -66,6 +93,7 @@ class ScanIntake:
         """Forget the scans stamped after `stamp_ns`: their clock is not the odometry's."""
         ahead = [scan for scan_ns, scan in self._waiting if scan_ns > stamp_ns]
         self._waiting = deque(waiting for waiting in self._waiting if waiting[0] <= stamp_ns)
+        self._points_waiting -= sum(map(size, ahead))
         return ahead
 
     @property
@@ -78,7 +106,7 @@ class ScanIntake:
         out: list[tuple[PathPoint | None, Sweep]] = []
         latest = wheels.latest
         while latest and self._waiting and self._waiting[0][0] + sweep_ns(self._waiting[0][1]) <= latest.stamp_ns:
-            stamp_ns, scan = self._waiting.popleft()
+            stamp_ns, scan = self._pop()
             out.append((wheels.at(stamp_ns), scan))
         return out
 
@@ -100,10 +128,20 @@ class ScanIntake:
         seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
         return PlacedScan(point, seen, points.astype(np.float32))
 
+    def _pop(self) -> tuple[int, Sweep]:
+        stamp_ns, scan = self._waiting.popleft()
+        self._points_waiting -= size(scan)
+        return stamp_ns, scan
+
     def _mount(self, frame_id: str) -> tuple[Pose2, bool]:
         if self._config.mount:
             return Pose2.of(self._config.mount), False
         return self._mounts.get(frame_id, (Pose2(), False))
+
+
+def size(scan: Sweep) -> int:
+    """How many beams or points a scan holds."""
+    return len(scan.points if isinstance(scan, PointCloud) else scan.ranges)
 
 
 def sensor_of(scan: Sweep) -> Sensor:

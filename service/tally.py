@@ -1,11 +1,15 @@
 """What came in, what was dropped and why, and what a person should know: the counts behind report.json."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Any
 
 from wayfi.frontends.events import ClosureJudged, Dropped, Event, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
+
+MOST_TEXT = 500  # letters of a warning
+MOST_WARNINGS = 1000  # different ones
+MOST_CHANGES = 10_000  # of state, the newest
 
 Drops = dict[str, dict[str, int]]
 
@@ -27,8 +31,9 @@ class Tally:
         self.messages: Counter[str] = Counter()
         self.dropped: dict[str, Counter[str]] = {}
         self.drops = 0
-        self.warnings: list[str] = []
-        self.status_changes: list[dict[str, Any]] = []
+        self._warnings: Counter[str] = Counter()
+        self._more_warnings = 0
+        self._status_changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self.verdicts: dict[int, ClosureJudged] = {}
 
     def take(self, event: Event) -> None:
@@ -39,10 +44,29 @@ class Tally:
             case ClosureJudged():
                 self.verdicts[event.closure] = event
             case Warned():
-                self.warnings.append(event.text)
+                self.warn(event.text)
             case StateChanged():
                 change = {"stamp": event.stamp_ns * 1e-9, "state": event.state.value, "reason": event.reason}
-                self.status_changes.append(change)
+                self._status_changes.append(change)
+
+    @property
+    def warnings(self) -> list[str]:
+        """The first `MOST_WARNINGS` different ones, in the order in which they first came, with how often they came."""
+        texts = [text if count == 1 else f"{text} ({count} times)" for text, count in self._warnings.items()]
+        return texts + ([f"{self._more_warnings} more warnings"] if self._more_warnings else [])
+
+    @property
+    def status_changes(self) -> list[dict[str, Any]]:
+        """The newest changes of state: stamp (s), state, reason."""
+        return list(self._status_changes)
+
+    def warn(self, text: str) -> None:
+        """Count a warning."""
+        text = text[:MOST_TEXT]
+        if text in self._warnings or len(self._warnings) < MOST_WARNINGS:
+            self._warnings[text] += 1
+        else:
+            self._more_warnings += 1
 
     def drop_many(self, topic: str, reasons: Mapping[str, int]) -> None:
         """Count messages that never came here."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
 from wayfi.backend.wheel_calibration import corrected_all
-from wayfi.frontends.odometry import PathPoint
+from wayfi.frontends.odometry import LONGEST_S, PathPoint
 
 
 class Trajectories:
@@ -57,7 +57,7 @@ def _motions(start: Floats, end: Floats, seconds: Floats, calibration: Floats) -
     if len(end) == 0:
         return np.zeros((0, 3))
     raw = between_all(start[:, :3], end[:, :3])
-    return corrected_all(np.column_stack([raw, end[:, 3] - start[:, 3], seconds]), calibration)
+    return corrected_all(np.column_stack([raw, end[:, 3] - start[:, 3], np.minimum(seconds, LONGEST_S)]), calibration)
 
 
 def _share(

@@ -15,6 +15,8 @@ from wayfi.frontends.wifi_watch import WifiWatch
 
 EARLY_NS = 5 * SECOND_NS  # before the first pose, a scan waits so long for it
 WAIT_NS = 30 * SECOND_NS  # later, for the odometry to go on
+MOST_RECEIVERS = 32  # a robot was seen to carry three; every one that was ever heard is remembered
+MOST_WAITING = 500  # scans: thirty seconds of three phones, channel by channel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +40,9 @@ class WifiIntake:
     def take(self, m: WifiScan, offset_ns: int, latest: PathPoint | None) -> Iterator[Event]:
         """Take in a scan; `offset_ns` leads to the time base, `latest` is where the odometry has come to."""
         stamp_ns = m.stamp_ns + offset_ns
+        if m.receiver not in self._last_ns and len(self._last_ns) >= MOST_RECEIVERS:
+            yield Dropped(Sensor.WIFI, stamp_ns, DropReason.TOO_MANY_RECEIVERS)
+            return
         if disorder := self._disorder(m.receiver, stamp_ns):
             yield Dropped(Sensor.WIFI, stamp_ns, disorder)
             return
@@ -96,7 +101,10 @@ class WifiIntake:
         oldest_ns = scan.stamp_ns - (WAIT_NS if self._first else EARLY_NS)
         late = [s for s in self._not_compared if s.receiver == scan.receiver and s.stamp_ns < oldest_ns]
         yield from (Dropped(Sensor.WIFI, s.stamp_ns, DropReason.NO_POSE) for s in late)
-        self._not_compared = [s for s in self._not_compared if s not in late] + [scan]
+        gone = {id(s) for s in late}
+        self._not_compared = [s for s in self._not_compared if id(s) not in gone] + [scan]
+        if len(self._not_compared) > MOST_WAITING:
+            yield Dropped(Sensor.WIFI, self._not_compared.pop(0).stamp_ns, DropReason.TOO_MANY_WAIT)
 
     def _put_in_place(self, scan: _Scan, wheels: Wheels) -> Iterator[Event]:
         point, taken_m = self._at(scan.stamp_ns, wheels), self._taken_m(scan, wheels)

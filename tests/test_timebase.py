@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.frontends.events import DropReason
-from wayfi.frontends.timebase import LASTING_JUMP_NS, LASTING_MESSAGES, TimeBase
+from wayfi.frontends.timebase import LAST_LEAP_NS, LASTING_JUMP_NS, LASTING_MESSAGES, TimeBase
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -102,3 +102,29 @@ def test_streams_need_no_order_between_them() -> None:
     assert accepted(time, "odom", [START + 10 * S]) == [START + 10 * S]
     assert accepted(time, "wifi:phone", [START]) == [START]
     assert accepted(time, "wifi:tablet", [START]) == [START]
+
+
+def test_a_first_stamp_where_messages_end_begins_nothing() -> None:
+    time = TimeBase()
+    assert time.accept("odom", LAST_LEAP_NS + 1).dropped is DropReason.STAMP_AHEAD
+    assert accepted(time, "odom", [START]) == [START]
+
+
+def test_no_leap_goes_to_where_messages_end_however_long_it_lasts() -> None:
+    time = TimeBase()
+    stamps = [START, *(LAST_LEAP_NS + k * S for k in range(1, 100))]
+    assert accepted(time, "odom", stamps) == [START]
+    assert accepted(time, "odom", [START + S]) == [START + S]
+
+
+def test_a_clock_set_to_zero_and_right_again_is_followed_both_ways() -> None:
+    time = TimeBase()
+    right = [START + k * S for k in range(10)]
+    assert accepted(time, "odom", right) == right
+    assert len(accepted(time, "odom", [k * S for k in range(10)])) == 10 - LASTING_MESSAGES + 1
+    assert time.offset_ns > START
+    again = accepted(time, "odom", [START + k * S for k in range(20, 30)])
+    assert len(again) == 10 - LASTING_MESSAGES + 1
+    assert again[0] > right[-1]
+    assert again[-1] == START + 29 * S
+    assert time.offset_ns == 0
