@@ -97,6 +97,6 @@ class TimeBase:
 def _follow(stream: _Stream, stamp_ns: int, shift_ns: int = 0) -> Stamped:
     stream.ahead.clear()
     stream.back.clear()
-    stream.interval_ns = stamp_ns - stream.last_ns
+    stream.interval_ns = min(stamp_ns - stream.last_ns, LEAP_NS)
     stream.last_ns = stamp_ns
     return Stamped(stamp_ns, shift_ns=shift_ns)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.timebase import LAST_LEAP_NS, LASTING_JUMP_NS, LASTING_MESSAGES, TimeBase
+from wayfi.recordings.messages import NS_PER_S
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -128,3 +129,11 @@ def test_a_clock_set_to_zero_and_right_again_is_followed_both_ways() -> None:
     assert again[0] > right[-1]
     assert again[-1] == START + 29 * S
     assert time.offset_ns == 0
+
+
+def test_a_clock_that_leaps_to_and_fro_does_not_run_away() -> None:
+    time = TimeBase()
+    ahead_ns = 60 * 365 * 86_400 * NS_PER_S
+    stamps = [near + k * NS_PER_S for _ in range(50) for near in (0, ahead_ns) for k in range(20)]
+    kept = [time.accept("odom", stamp_ns) for stamp_ns in stamps]
+    assert max(stamped.stamp_ns for stamped in kept if not stamped.dropped) < ahead_ns + 86_400 * NS_PER_S
