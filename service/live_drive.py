@@ -23,8 +23,8 @@ def live_pose(config: Config, calibration: Calibration | None) -> LivePose:
 class LiveDrive:
     """The same messages and marks in the same order give the same drive, with the same poses published.
 
-    It has a live pose of its own, which does what the daemon's does, one message after the other. `checkpoints` is the
-    number of the newest.
+    It has a live pose of its own, which does what the daemon's does, one message after the other. `told` is the
+    number of its newest estimate, `checkpoints` that of its newest checkpoint.
     """
 
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
@@ -32,7 +32,7 @@ class LiveDrive:
         self._calibration = calibration
         self._live = live_pose(config, calibration)
         self._estimates: dict[int, Estimate] = {}
-        self._told = 0
+        self.told = 0
         self.checkpoints = 0
 
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> tuple[list[Event], PosePublished | None]:
@@ -45,9 +45,9 @@ class LiveDrive:
 
     def new_estimate(self) -> Estimate | None:
         """The newest estimate, where it is another than what this returned last; to be asked after every message."""
-        estimate = self.drive.pipeline.new_estimate(self._told + 1)
+        estimate = self.drive.pipeline.new_estimate(self.told + 1)
         if estimate is not None:
-            self._told = estimate.serial
+            self.told = estimate.serial
             self._estimates[estimate.serial] = pickle.loads(pickle.dumps(estimate))
         return estimate
 

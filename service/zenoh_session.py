@@ -106,6 +106,7 @@ def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> dict[
         "listen": {"endpoints": list(listen)},
         "connect": {"endpoints": list(connect), "retry": RETRY, **patience},
         "scouting": {"multicast": {"enabled": False}},
+        "transport/shared_memory/enabled": False,  # 16 MB of each guest would stay mapped after it has left
         "timestamping": {"enabled": True},  # what is kept for late joiners is ordered by it
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,

@@ -464,12 +464,12 @@ import sys
 from wayfi.service import cli
 from wayfi.service.pipeline import Pipeline
 whole, count = Pipeline.process, 0
-def process(self, measurement):
+def process(self, measurement, published):
     global count
     count += 1
     if count == 900:
         raise RuntimeError("out of luck")
-    return whole(self, measurement)
+    return whole(self, measurement, published)
 Pipeline.process = process
 sys.argv = ["wayfi", "replay", *sys.argv[1:]]
 cli.main()

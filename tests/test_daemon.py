@@ -475,3 +475,14 @@ def test_a_replay_takes_the_black_boxs_settings_unless_told_otherwise(tmp_path: 
     assert told.recording.odom == "/wheels"
     assert mine is not None
     assert not mine.wheels.values.any()
+
+
+def test_guests_that_come_and_go_leave_no_memory_behind() -> None:
+    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
+    with open_session(config):
+        before = Path("/proc/self/maps").read_text().count("/dev/shm/")
+        for _ in range(3):
+            with open_guest_session(config) as guest:
+                for _ in range(200):
+                    guest.put("x", bytes(100_000), congestion_control=zenoh.CongestionControl.BLOCK)
+        assert Path("/proc/self/maps").read_text().count("/dev/shm/") == before

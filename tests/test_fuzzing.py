@@ -23,13 +23,14 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
+from wayfi.frontends.odometry import FURTHEST_M
 from wayfi.recordings.codec import CodecError, decode, encode
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.ros_measurements import MAX_FIELDS, MAX_NAME, MAX_TRANSFORMS
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import load_config
 from wayfi.service.drive import Drive
-from wayfi.service.pipeline import FURTHEST_M, Pipeline
+from wayfi.service.pipeline import Pipeline
 from wayfi.service.scan_intake import MOST_FRAMES, MOST_WAITING
 from wayfi.service.wifi_intake import MOST_RECEIVERS
 from wayfi.service.wifi_intake import MOST_WAITING as MOST_WIFI_WAITING
