@@ -12,6 +12,8 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.frontends.events import DropReason
 
+RESTART_M = 0.5  # from its origin, odometry has just begun
+BREAK_COVARIANCE = np.diag([1.0, 1.0, 0.25])  # m², m², rad²: of a robot that was pushed aside while it was off
 FURTHEST_M = 1e8  # from the origin of the odometry: beyond it a number is no place, and millimetres are lost
 LONGEST_S = 3600.0  # between two keyframes; a longer gap is a clock's, and would count as years of a gyroscope's bias
 
@@ -59,16 +61,21 @@ def fault_of(T_odom_base: Pose2) -> DropReason | None:
 
 @dataclass(frozen=True, slots=True)
 class PathPoint:
-    """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows."""
+    """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
+
+    `breaks` counts where the odometry was found to have begun anew while nobody looked.
+    """
 
     stamp_ns: int
     T_path_base: Pose2
     path_m: float
+    breaks: int = 0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """What the wheels say of the way from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
-        return WheelMotion(self.T_path_base.between(later.T_path_base), later.path_m - self.path_m, seconds)
+        pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
+        return WheelMotion(pose, path_m, seconds, later.breaks - self.breaks)
 
 
 class Wheels:
@@ -79,6 +86,7 @@ class Wheels:
         self._keep_ns = int(keep_s * 1e9)
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
+        self._was_away = False
 
     @property
     def latest(self) -> PathPoint | None:
@@ -89,31 +97,43 @@ class Wheels:
         """Join the next pose without motion: the source of the odometry has changed."""
         self._raw = None
 
+    def go_on(self) -> None:
+        """Some odometry may be missing before the next: it may have begun anew, with the robot moved meanwhile."""
+        self._was_away = True
+
     def tip(self) -> "Wheels":
         """A copy that knows the newest point alone."""
         copy = Wheels(self._config)
         copy._points.extend(list(self._points)[-1:])
-        copy._raw = self._raw
+        copy._raw, copy._was_away = self._raw, self._was_away
         return copy
 
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
         last = self.latest
-        plausible = True
+        plausible, breaks = True, last.breaks if last else 0
         if last is None:
             point = PathPoint(stamp_ns, T_odom_base, 0.0)
         else:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
-            if not distance <= max(0.5, self._config.max_speed_m_s * seconds):
+            restarted = self._was_away and self._has_restarted(T_odom_base)
+            if restarted or not distance <= max(0.5, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
-            point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance)
-        self._raw = T_odom_base
+                breaks += self._was_away
+            point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, breaks)
+        self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
         while self._points[0].stamp_ns < stamp_ns - self._keep_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
+
+    def _has_restarted(self, T_odom_base: Pose2) -> bool:
+        """Whether a pose is about where odometry begins, and the last one was not."""
+        if self._raw is None:
+            return False
+        return math.hypot(T_odom_base.x, T_odom_base.y) < RESTART_M < 0.5 * math.hypot(self._raw.x, self._raw.y)
 
     def at(self, stamp_ns: int) -> PathPoint | None:
         """The path at a moment, interpolated; None where it lies outside of what is kept."""
@@ -127,7 +147,8 @@ class Wheels:
         before = points[i - 1]
         fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
-        return PathPoint(stamp_ns, pose, before.path_m + fraction * (after.path_m - before.path_m))
+        path_m = before.path_m + fraction * (after.path_m - before.path_m)
+        return PathPoint(stamp_ns, pose, path_m, before.breaks)
 
     def since(self, stamp_ns: int) -> list[PathPoint]:
         """The points after a moment, oldest first."""
@@ -137,6 +158,8 @@ class Wheels:
 
 def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:
     """Whether `motion` since the last keyframe asks for a new one; `factor` stretches the distances."""
+    if motion.breaks:
+        return True
     turned = abs(motion.pose.theta)
     if motion.path_m >= factor * config.keyframe_distance_m or turned >= factor * config.keyframe_turn_rad:
         return True
@@ -159,4 +182,5 @@ def wheel_covariance(motion: WheelMotion, config: OdometryConfig, inflation: flo
     x, y = motion.pose.x, motion.pose.y
     lever = np.array([-0.5 * y, 0.5 * x, 1.0])
     covariance: Floats = inflation * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
-    return covariance + np.diag([0.0, 0.0, 1e-8])
+    covariance += np.diag([0.0, 0.0, 1e-8]) + motion.breaks * BREAK_COVARIANCE
+    return covariance

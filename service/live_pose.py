@@ -40,7 +40,9 @@ class Anchor:
         turn = adjoint(Pose2(0.0, 0.0, self.T_map_base.theta))
         wheels = wheel_covariance(motion, config, self.inflation)
         covariance = lever @ self.covariance @ lever.T + turn @ wheels @ turn.T
-        return PosePublished(point.stamp_ns, T, T @ T_odom_base.inverse(), T_odom_base, covariance, self.state)
+        unsure = motion.breaks and self.state is State.TRACKING
+        state = State.UNCERTAIN if unsure else self.state
+        return PosePublished(point.stamp_ns, T, T @ T_odom_base.inverse(), T_odom_base, covariance, state)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

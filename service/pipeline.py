@@ -141,6 +141,7 @@ class Pipeline:
     def go_on(self, seconds: float) -> list[Event]:
         """Whoever feeds this was away for so long; a new estimate is due."""
         self._told = (-1, 0)
+        self._wheels.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self._stamp_ns, text)]
 

@@ -177,3 +177,29 @@ def test_what_is_believed_of_the_wheels_before_a_drive_is_nothing_but_its_sigmas
         CONFIG.prior_turn_bias_rad_per_m,
         CONFIG.prior_turn_bias_rad_per_s,
     ]
+
+
+def test_odometry_that_begins_anew_while_nobody_looks_says_nothing_of_the_way() -> None:
+    wheels = Wheels(OdometryConfig())
+    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
+    before = wheels.latest
+    wheels.go_on()
+    assert not wheels.advance(60 * 10**9, Pose2(0.01, 0.0, 0.0))
+    after = wheels.latest
+    assert before is not None
+    assert after is not None
+    motion = before.motion_to(after)
+    assert motion.pose.distance(Pose2()) < 1e-12
+    assert (motion.path_m, motion.breaks) == (0.0, 1)
+    assert keyframe_due(motion, OdometryConfig())
+    assert np.sqrt(wheel_covariance(motion, OdometryConfig())[0, 0]) >= 1.0
+
+
+def test_odometry_that_goes_on_while_nobody_looks_is_believed() -> None:
+    wheels = Wheels(OdometryConfig())
+    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
+    wheels.go_on()
+    assert wheels.advance(60 * 10**9, Pose2(12.0, 3.0, 0.0))
+    latest = wheels.latest
+    assert latest is not None
+    assert (latest.path_m, latest.breaks) == (4.0, 0)
