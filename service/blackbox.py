@@ -76,14 +76,12 @@ class BlackBox:
         self._unflushed = False
 
     def rotate_if_due(self) -> None:
-        """Begin the next part where this one is large or old enough; flush it where not."""
+        """Begin the next part where this one is large or old enough."""
         full = self._writer.size_bytes > self._limits.part_mb * MIB
         old = time.monotonic() - self._begun_s > self._limits.part_minutes * 60
         if full or old:
             self.close()
             self._begin()
-        else:
-            self.flush()
 
     def close(self) -> None:
         """Finish the file."""

@@ -62,7 +62,7 @@ class RecordingConfig:
     part_mb: float = option(256.0, "MiB", "a part of the black box ends at this size, some hours of a planar laser")
     part_minutes: float = option(60.0, "min", "and at this age")
     budget_mb: float = option(20_000.0, "MiB", "of all runs together; beyond it the oldest files are deleted")
-    keep_free_mb: float = option(500.0, "MiB", "what the disk keeps for others: below it nothing is recorded")
+    keep_free_mb: float = option(100.0, "MiB", "what the disk keeps for others: below it nothing is recorded")
     odom: str = option("/odom", "topic", "REP 105's usual name")
     scan: str = option("/scan", "topic", "as above")
     points: str = option("/points", "topic", "as above")

@@ -205,7 +205,7 @@ class Daemon:
         self._estimation.close()
         while self._saving:
             self._saving.popleft().answer(False, "the estimation ended unexpectedly")
-        self._recorder.at_checkpoint()
+        self._recorder.flush()
         self._estimation = self._begin(0.0)
 
     def _obey_all(self) -> None:

@@ -85,11 +85,16 @@ class Estimation:
         self._since_checkpoint += isinstance(item, Received)
         if self._since_checkpoint >= CHECKPOINT_EVERY:
             self._since_checkpoint = 0
-            self._checkpoint += 1
-            mark = Mark(MarkKind.CHECKPOINT, self._checkpoint)
-            self._recorder.write(mark)
-            self._recorder.at_checkpoint()
-            self._outgoing.send(mark)
+            self._ask_for_checkpoint()
+
+    def _ask_for_checkpoint(self) -> None:
+        """A new part of the black box begins with its mark, so that older parts are not needed to go on from it."""
+        self._checkpoint += 1
+        mark = Mark(MarkKind.CHECKPOINT, self._checkpoint)
+        self._recorder.rotate_if_due()
+        self._recorder.write(mark)
+        self._recorder.flush()
+        self._outgoing.send(mark)
 
 
 def _spawn() -> tuple["subprocess.Popen[bytes]", Connection, Connection]:

@@ -40,8 +40,14 @@ class Recorder:
         self._guard(lambda: blackbox.write(item))
         self.look_after()
 
-    def at_checkpoint(self) -> None:
-        """Begin a new part if one is due; what is recorded so far survives a kill."""
+    def flush(self) -> None:
+        """What is recorded so far survives a kill."""
+        blackbox = self._blackbox
+        if blackbox is not None:
+            self._guard(blackbox.flush)
+
+    def rotate_if_due(self) -> None:
+        """Begin a new part where the last is large or old enough."""
         blackbox = self._blackbox
         if blackbox is not None:
             self._guard(blackbox.rotate_if_due)
