@@ -175,14 +175,17 @@ class Daemon:
             self._log.warning("resumed", folder=self._folder.path, away_s=f"{self._away_s:.1f}")
 
     def _take_news(self, news: News) -> None:
+        overdue: list[PosePublished] = []
         if news.estimate is not None:
-            self._live.adopt(news.estimate)
+            overdue = self._live.adopt(news.estimate)
             self._backlog.put(Mark(MarkKind.ADOPT, news.estimate.serial))
             self._ready = True
         if news.dropped is not None:
             self._dropped = news.dropped
         for event in news.events:
             self._take_event(event)
+        for pose in overdue:
+            self._publish(pose, time.monotonic())
         for text in news.complaints:
             self._complain(text)
         if news.map_cdr is not None:

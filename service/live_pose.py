@@ -87,14 +87,18 @@ class LivePose:
         self._since.append(m)
         return self._pose_for(m)
 
-    def adopt(self, estimate: Estimate) -> None:
-        """Go on from `estimate`, which belongs to this object from now on."""
+    def adopt(self, estimate: Estimate) -> list[PosePublished]:
+        """Go on from `estimate`, which belongs to this object from now on.
+
+        Returns the poses of messages since then that had none, because the laser led until now.
+        """
+        laser_led = self._estimate.anchor is None
         for _ in range(min(estimate.odometry - self._estimate.odometry, len(self._since))):
             self._since.popleft()
         self._estimate = estimate
         self._begun = True
-        for m in self._since:
-            self._pose_for(m)
+        poses = [self._pose_for(m) for m in self._since]
+        return [pose for pose in poses if pose is not None and laser_led]
 
     def _pose_for(self, m: Odometry) -> PosePublished | None:
         estimate, wheels = self._estimate, self._estimate.wheels
