@@ -82,9 +82,13 @@ class Running:
     stderr: str = ""
 
     @property
+    def rerun_port(self) -> int:
+        return int(next(word for word in self.settings if word.startswith("rerun.port=")).split("=")[1])
+
+    @property
     def folder(self) -> Path:
-        (folder,) = self.directory.iterdir()
-        return folder
+        """The newest run's."""
+        return max(self.directory.iterdir())
 
     def key(self, name: str) -> str:
         return key_of(self.config, name)

@@ -1,21 +1,46 @@
 """What goes wrong around a daemon: it stays up, publishes a pose for every odometry message, and replays alike."""
 
+import math
+import os
 import random
-from collections.abc import Iterable
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from daemons import Running, assert_replays_alike, poses_of, report_of, running
-from drives import Arrival, Simulated, simulated, write
+from daemons import (
+    Robot,
+    Running,
+    assert_replays_alike,
+    eventually,
+    free_port,
+    odometry_of,
+    poses_of,
+    report_of,
+    routing,
+    running,
+    stamp_ns,
+)
+from drives import RESULT_FILES, Arrival, Simulated, run, simulated, write
+from rerun.chunk import RrdReader
 
+from wayfi.backend.pose2 import Pose2
 from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
 from wayfi.frontends.timebase import LASTING_MESSAGES
+from wayfi.recordings.codec import encode
 from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.tum import read_tum
+from wayfi.service.disk import MIB, PARTS
+from wayfi.service.estimation import CHECKPOINT_EVERY
 from wayfi.service.queues import QueueDrop
 from wayfi.service.tally import merged
 
@@ -23,6 +48,10 @@ RATE = 30.0  # times real time
 SHARE = 0.05
 LATE_S = 0.5
 CLOSE_M = 0.2
+GROWTH_MB = 150
+BUDGET_MB = 20
+KILLED_S = 1.0
+HOLES_M = 0.1
 JUMP_S = 10.0
 
 
@@ -89,22 +118,23 @@ def drops(daemon: Running, topic: str) -> dict[str, int]:
     return reasons
 
 
-def ate_m(daemon: Running, truth: Trajectory) -> float:
-    return absolute_error(read_tum(daemon.folder / "trajectory.tum"), truth).error.ate_rmse_m
+def error_m(folder: Path, truth: Trajectory) -> float:
+    """ATE RMSE, m, where the trajectory covers the truth."""
+    return absolute_error(read_tum(folder / "trajectory.tum"), truth).error.ate_rmse_m
 
 
 def test_messages_lost_sent_twice_and_late(minute: Simulated, tmp_path: Path) -> None:
     daemon = driven(tmp_path, mangled(minute.arrivals, seed=1))
     assert_every_pose(daemon)
     assert {DropReason.DUPLICATE, DropReason.STAMP_BACK} <= set(drops(daemon, "/odom"))
-    assert ate_m(daemon, minute.truth) < CLOSE_M
+    assert error_m(daemon.folder, minute.truth) < CLOSE_M
 
 
 @pytest.mark.parametrize("kind", [Odometry, LaserScan, WifiScan])
 def test_a_sensor_silent_for_a_minute(longer: Simulated, tmp_path: Path, kind: type[Measurement]) -> None:
     daemon = driven(tmp_path, silent(longer.arrivals, kind))
     assert_every_pose(daemon)
-    assert ate_m(daemon, longer.truth) < CLOSE_M
+    assert error_m(daemon.folder, longer.truth) < CLOSE_M
 
 
 def test_clocks_that_jump(minute: Simulated, tmp_path: Path) -> None:
@@ -117,3 +147,206 @@ def test_all_of_it_at_once(longer: Simulated, tmp_path: Path) -> None:
     daemon = driven(tmp_path, mangled(jumping(silent(longer.arrivals, WifiScan)), seed=2))
     assert_every_pose(daemon, overtaken=LASTING_MESSAGES)
     assert len(poses_of(daemon)) > 0.8 * longer.count(Odometry)
+
+
+# Around the daemon
+
+
+def test_a_router_that_is_gone_for_a_while(minute: Simulated, tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with ExitStack() as stack:
+        first = stack.enter_context(ExitStack())
+        first.enter_context(routing(endpoint))
+        daemon = stack.enter_context(running(tmp_path / "runs", router=endpoint))
+        daemon.collect("wayfi/pose")
+        robot = Robot(daemon, recording, 8.0)
+        robot.start()
+        eventually(lambda: len(poses_of(daemon)) > 50)
+        first.close()
+        time.sleep(1.0)
+        before = len(poses_of(daemon))
+        stack.enter_context(routing(endpoint))
+        eventually(lambda: len(poses_of(daemon)) > before + 50)
+        robot.finish()
+        assert daemon.stop() == 0, daemon.stderr
+    assert_every_pose(daemon, overtaken=minute.count(Odometry) // 2)
+    assert_replays_alike(daemon.folder, tmp_path / "replayed")
+
+
+def test_a_viewer_that_stops_reading(minute: Simulated, tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    much = ("rerun.server_memory_limit='16MiB'", "rerun.scan_hz=100.0", "rerun.pose_hz=100.0", "rerun.scan_points=2000")
+    with running(tmp_path / "runs", *much) as daemon, viewing(daemon, tmp_path / "seen.rrd") as viewer:
+        daemon.collect("wayfi/pose")
+        viewer.send_signal(signal.SIGSTOP)
+        (log,) = daemon.processes("wayfi.recordings.log_server")
+        before_mb = memory_mb(log)
+        daemon.publish(recording, RATE)
+        assert memory_mb(log) - before_mb < GROWTH_MB
+        assert daemon.stop() == 0, daemon.stderr
+    assert_every_pose(daemon)
+    print(memory_mb, daemon.stderr, drops(daemon, "/odom"))
+    assert_nothing_vanished(daemon, recording)
+
+
+@contextmanager
+def viewing(daemon: Running, seen: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """A program that is shown what a viewer is shown."""
+    url = f"rerun+http://127.0.0.1:{daemon.rerun_port}/proxy"
+    with subprocess.Popen(
+        [sys.executable, "-m", "rerun", url, "--save", str(seen)], stderr=subprocess.DEVNULL
+    ) as viewer:
+        try:
+            eventually(seen.exists)
+            yield viewer
+        finally:
+            viewer.kill()
+
+
+def memory_mb(pid: int) -> float:
+    (line,) = [line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmRSS")]
+    return int(line.split()[1]) / 1024
+
+
+def test_an_estimation_that_is_killed(minute: Simulated, tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    with running(tmp_path / "runs") as daemon:
+        daemon.collect("wayfi/pose")
+        robot = Robot(daemon, recording, 8.0)
+        robot.start()
+        eventually(lambda: len(poses_of(daemon)) > 100)
+        (estimation,) = daemon.processes("wayfi.service.estimator")
+        os.kill(estimation, signal.SIGKILL)
+        robot.finish()
+        eventually(lambda: stamp_ns(poses_of(daemon)[-1].header) == odometry_of(recording)[-1].stamp_ns)
+        assert daemon.stop() == 0, daemon.stderr
+    print(daemon.stderr, len(poses_of(daemon)), error_m(daemon.folder, minute.truth), drops(daemon, "/odom"))
+    assert len(daemon.lines("the estimation ended unexpectedly")) == 1
+    assert_nothing_vanished(daemon, recording)
+    assert_every_pose(daemon)
+    assert_replays_alike(daemon.folder, tmp_path / "replayed")
+
+
+# The disk
+
+
+def test_a_full_disk(minute: Simulated, tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    with running(tmp_path / "runs") as daemon:
+        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.fill_disk()
+        daemon.publish(recording, RATE)
+        eventually(lambda: len(poses_of(daemon)) == minute.count(Odometry))
+        eventually(lambda: int(daemon.status()["unrecorded"]) > 0)
+        code = daemon.stop()
+    print(daemon.stderr)
+    assert code == 1
+    assert len(daemon.lines("recording stopped")) == 1
+    assert len(daemon.lines("the results cannot be written")) == 1
+    assert "Traceback" not in daemon.stderr
+
+
+def test_room_that_is_left_to_others(minute: Simulated, tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    with running(tmp_path / "runs", "recording.keep_free_mb=1e12") as daemon:
+        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.publish(recording, 8.0)
+        eventually(lambda: int(daemon.status()["unrecorded"]) > 0)
+        assert daemon.stop() == 0, daemon.stderr
+    print(daemon.stderr)
+    assert_every_pose(daemon)
+    (line,) = daemon.lines("recording stopped")
+    assert "keep_free_mb" in line
+
+
+def test_many_parts_and_a_budget(tmp_path: Path) -> None:
+    recording, older = tmp_path / "recording.mcap", tmp_path / "runs" / "20200101T000000Z"
+    write(recording, circling(CHECKPOINT_EVERY * 3 + 1))
+    older.mkdir(parents=True)
+    for name in ("blackbox_0001.mcap", "session_0001.rrd"):
+        with (older / name).open("wb") as file:
+            file.truncate(BUDGET_MB * MIB)
+    small = ("recording.part_mb=0.01", "rerun.part_mb=0.1", f"recording.budget_mb={BUDGET_MB}")
+    with running(tmp_path / "runs", *small) as daemon:
+        daemon.publish(recording, RATE)
+        assert daemon.stop() == 0, daemon.stderr
+    assert not list(older.iterdir())
+    parts, sessions = (sorted(daemon.folder.glob(pattern)) for pattern in PARTS)
+    print(parts, sessions, [p.stat().st_size for p in parts + sessions])
+    assert len(parts) > 2
+    assert len(sessions) > 1
+    for session in sessions:
+        assert RrdReader(session).stream().filter(content="/map/**").to_chunks(), session
+    assert_nothing_vanished(daemon, recording)
+    assert_replays_alike(daemon.folder, tmp_path / "replayed")
+
+
+def circling(messages: int) -> Iterator[Arrival]:
+    """Odometry alone, at 100 Hz on a circle."""
+    for number in range(messages):
+        at_ns, angle = EPOCH_NS + number * 10_000_000, number * 1e-3
+        pose = Pose2(5 * math.sin(angle), 5 - 5 * math.cos(angle), angle)
+        yield Arrival(at_ns, Odometry(at_ns, pose))
+
+
+def test_a_budget_for_one_run(tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", circling(CHECKPOINT_EVERY * 3 + 1))
+    with running(tmp_path / "runs", "recording.part_mb=0.01", "recording.budget_mb=0.02") as daemon:
+        daemon.publish(recording, RATE)
+        assert daemon.stop() == 0, daemon.stderr
+    names = sorted(path.name for pattern in PARTS for path in daemon.folder.glob(pattern))
+    print(names)
+
+
+# A kill
+
+
+def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
+    recording, chance = write(tmp_path / "recording.mcap", longer.arrivals), random.Random(7)
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with routing(endpoint), running(tmp_path / "runs", router=endpoint) as daemon:
+        daemon.collect("wayfi/pose")
+        robot = Robot(daemon, recording, 4.0)
+        robot.start()
+        heard = [killed_after(daemon, chance.uniform(1.0, 3.0)) for _ in range(3)]
+        robot.finish()
+        assert daemon.stop() == 0, daemon.stderr
+    folder = daemon.folder
+    kept = {record.data for record in open_recording(folder)}
+    for from_s, until_s in heard:
+        lost = [at_s for at_s, data in robot.put if from_s < at_s < until_s and data not in kept]
+        print(from_s, until_s, len(lost), until_s - min(lost, default=until_s))
+        assert min(lost, default=until_s) > until_s - KILLED_S
+    print(daemon.stderr, len(poses_of(daemon)))
+    assert len(daemon.lines("resumed")) == 1
+    assert {path.name for path in folder.iterdir()} >= set(RESULT_FILES) - {"session.rrd"}
+    assert_replays_alike(folder, tmp_path / "replayed")
+    run(recording, tmp_path / "undisturbed")
+    undisturbed_m = error_m(tmp_path / "undisturbed", longer.truth)
+    print(error_m(daemon.folder, longer.truth), undisturbed_m)
+    assert error_m(daemon.folder, longer.truth) < 1.2 * undisturbed_m + HOLES_M
+
+
+def killed_after(daemon: Running, seconds: float) -> tuple[float, float]:
+    """Kill it so long after it was ready, and start it again; returns the moments from and until which it heard."""
+    from_s = time.monotonic()
+    time.sleep(seconds)
+    until_s = daemon.kill()
+    daemon.start_again()
+    return from_s, until_s
+
+
+def test_what_is_not_gone_on_with(tmp_path: Path) -> None:
+    with running(tmp_path / "runs") as daemon:
+        daemon.session.put(daemon.key("odom"), encode(next(circling(1)).measurement))
+        eventually(lambda: list(daemon.folder.glob("checkpoint.bin")) or True)
+        with running(tmp_path / "runs") as second:
+            assert len(list(daemon.directory.iterdir())) == 2
+            assert second.stop() == 0, second.stderr
+        daemon.kill()
+        for changed in (("--fresh",), ("--set", "map.resolution_m=0.1")):
+            daemon.start_again(*changed)
+            daemon.kill()
+            assert not daemon.lines("resumed")
+    assert len(list(daemon.directory.iterdir())) == 4
