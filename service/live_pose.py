@@ -97,10 +97,22 @@ class LivePose:
             self._since.popleft()
         self._estimate = estimate
         self._begun = True
-        poses = [self._pose_for(m) for m in self._since]
-        return [pose for pose in poses if pose is not None and laser_led]
+        reached = [(m, self._advance(m)) for m in self._since]
+        if not laser_led or estimate.anchor is None:
+            return []
+        return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
 
     def _pose_for(self, m: Odometry) -> PosePublished | None:
+        point = self._advance(m)
+        if point is None:
+            return None
+        if not self._begun:
+            self._begin(point)
+        anchor = self._estimate.anchor
+        return anchor.pose_at(point, m.pose, self._config) if anchor else None
+
+    def _advance(self, m: Odometry) -> PathPoint | None:
+        """The path's end with this message; None where it is not used."""
         estimate, wheels = self._estimate, self._estimate.wheels
         if not m.pose.is_finite():
             return None
@@ -108,12 +120,7 @@ class LivePose:
         if stamped.dropped or (wheels.latest and stamped.stamp_ns <= wheels.latest.stamp_ns):
             return None
         wheels.advance(stamped.stamp_ns, m.pose)
-        point = wheels.latest
-        assert point is not None
-        if not self._begun:
-            self._begin(point)
-        anchor = self._estimate.anchor
-        return anchor.pose_at(point, m.pose, self._config) if anchor else None
+        return wheels.latest
 
     def _begin(self, point: PathPoint) -> None:
         """The first pose is the origin of `map`."""

@@ -296,7 +296,8 @@ def test_a_budget_for_one_run(tmp_path: Path) -> None:
         daemon.publish(recording, RATE)
         assert daemon.stop() == 0, daemon.stderr
     names = sorted(path.name for pattern in PARTS for path in daemon.folder.glob(pattern))
-    print(names)
+    print(names,daemon.stderr)
+    assert len(names) == 1
 
 
 # A kill
