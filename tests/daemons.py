@@ -125,7 +125,7 @@ class Running:
     def start_again(self, *flags: str) -> None:
         """Another process with the same settings; returns when it is ready."""
         self.process.communicate()
-        self.process = _launch(self.settings, flags)
+        self.process = _launch([*self.settings, *flags])
         self.wait_until_alive()
 
     def wait_until_alive(self) -> None:
@@ -161,7 +161,7 @@ def running(directory: Path, *extra: str, flags: tuple[str, ...] = (), router: s
     zenoh_values = (f"zenoh.{name}={getattr(config, name)}" for name in ("mode", "listen", "connect", "prefix"))
     values = (*zenoh_values, f"recording.directory={directory}", f"rerun.port={free_port()}", *extra)
     settings = [word for value in values for word in ("--set", value)]
-    process = _launch(settings, flags)
+    process = _launch([*settings, *flags])
     daemon: Running | None = None
     try:
         endpoint = (config.connect or config.listen)[0]
@@ -187,8 +187,8 @@ def alive(daemon: Running) -> bool:
     return any(reply.ok for reply in daemon.session.liveliness().get(daemon.key("wayfi/alive"), timeout=1.0))
 
 
-def _launch(settings: list[str], flags: tuple[str, ...]) -> "subprocess.Popen[str]":
-    return subprocess.Popen([*CLI, "run", *flags, *settings], stderr=subprocess.PIPE, text=True)
+def _launch(arguments: list[str]) -> "subprocess.Popen[str]":
+    return subprocess.Popen([*CLI, "run", *arguments], stderr=subprocess.PIPE, text=True)
 
 
 class Robot(threading.Thread):

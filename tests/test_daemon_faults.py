@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from daemons import (
     Robot,
@@ -34,12 +35,11 @@ from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
 from wayfi.frontends.timebase import LASTING_MESSAGES
-from wayfi.recordings.codec import encode
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.tum import read_tum
-from wayfi.service.disk import MIB, PARTS
+from wayfi.service.disk import MIB, PARTS, keep_budget
 from wayfi.service.estimation import CHECKPOINT_EVERY
 from wayfi.service.queues import QueueDrop
 from wayfi.service.tally import merged
@@ -51,7 +51,8 @@ CLOSE_M = 0.2
 GROWTH_MB = 150
 BUDGET_MB = 20
 KILLED_S = 1.0
-HOLES_M = 0.1
+HOLES_M = 0.05
+MS_NS = 1_000_000
 JUMP_S = 10.0
 
 
@@ -119,8 +120,11 @@ def drops(daemon: Running, topic: str) -> dict[str, int]:
 
 
 def error_m(folder: Path, truth: Trajectory) -> float:
-    """ATE RMSE, m, where the trajectory covers the truth."""
-    return absolute_error(read_tum(folder / "trajectory.tum"), truth).error.ate_rmse_m
+    """ATE RMSE, m, at the stamps of the trajectory."""
+    estimate = read_tum(folder / "trajectory.tum")
+    at = np.isin(truth.stamps_ns // MS_NS, estimate.stamps_ns // MS_NS)
+    assert at.any()
+    return absolute_error(estimate, Trajectory(truth.stamps_ns[at], truth.poses[at])).error.ate_rmse_m
 
 
 def test_messages_lost_sent_twice_and_late(minute: Simulated, tmp_path: Path) -> None:
@@ -186,7 +190,6 @@ def test_a_viewer_that_stops_reading(minute: Simulated, tmp_path: Path) -> None:
         assert memory_mb(log) - before_mb < GROWTH_MB
         assert daemon.stop() == 0, daemon.stderr
     assert_every_pose(daemon)
-    print(memory_mb, daemon.stderr, drops(daemon, "/odom"))
     assert_nothing_vanished(daemon, recording)
 
 
@@ -221,7 +224,6 @@ def test_an_estimation_that_is_killed(minute: Simulated, tmp_path: Path) -> None
         robot.finish()
         eventually(lambda: stamp_ns(poses_of(daemon)[-1].header) == odometry_of(recording)[-1].stamp_ns)
         assert daemon.stop() == 0, daemon.stderr
-    print(daemon.stderr, len(poses_of(daemon)), error_m(daemon.folder, minute.truth), drops(daemon, "/odom"))
     assert len(daemon.lines("the estimation ended unexpectedly")) == 1
     assert_nothing_vanished(daemon, recording)
     assert_every_pose(daemon)
@@ -240,7 +242,6 @@ def test_a_full_disk(minute: Simulated, tmp_path: Path) -> None:
         eventually(lambda: len(poses_of(daemon)) == minute.count(Odometry))
         eventually(lambda: int(daemon.status()["unrecorded"]) > 0)
         code = daemon.stop()
-    print(daemon.stderr)
     assert code == 1
     assert len(daemon.lines("recording stopped")) == 1
     assert len(daemon.lines("the results cannot be written")) == 1
@@ -254,15 +255,15 @@ def test_room_that_is_left_to_others(minute: Simulated, tmp_path: Path) -> None:
         daemon.publish(recording, 8.0)
         eventually(lambda: int(daemon.status()["unrecorded"]) > 0)
         assert daemon.stop() == 0, daemon.stderr
-    print(daemon.stderr)
     assert_every_pose(daemon)
     (line,) = daemon.lines("recording stopped")
     assert "keep_free_mb" in line
 
 
+@pytest.mark.slow
 def test_many_parts_and_a_budget(tmp_path: Path) -> None:
     recording, older = tmp_path / "recording.mcap", tmp_path / "runs" / "20200101T000000Z"
-    write(recording, circling(CHECKPOINT_EVERY * 3 + 1))
+    write(recording, circling(2 * CHECKPOINT_EVERY + 1))
     older.mkdir(parents=True)
     for name in ("blackbox_0001.mcap", "session_0001.rrd"):
         with (older / name).open("wb") as file:
@@ -273,7 +274,6 @@ def test_many_parts_and_a_budget(tmp_path: Path) -> None:
         assert daemon.stop() == 0, daemon.stderr
     assert not list(older.iterdir())
     parts, sessions = (sorted(daemon.folder.glob(pattern)) for pattern in PARTS)
-    print(parts, sessions, [p.stat().st_size for p in parts + sessions])
     assert len(parts) > 2
     assert len(sessions) > 1
     for session in sessions:
@@ -290,19 +290,21 @@ def circling(messages: int) -> Iterator[Arrival]:
         yield Arrival(at_ns, Odometry(at_ns, pose))
 
 
-def test_a_budget_for_one_run(tmp_path: Path) -> None:
-    recording = write(tmp_path / "recording.mcap", circling(CHECKPOINT_EVERY * 3 + 1))
-    with running(tmp_path / "runs", "recording.part_mb=0.01", "recording.budget_mb=0.02") as daemon:
-        daemon.publish(recording, RATE)
-        assert daemon.stop() == 0, daemon.stderr
-    names = sorted(path.name for pattern in PARTS for path in daemon.folder.glob(pattern))
-    print(names,daemon.stderr)
-    assert len(names) == 1
+def test_the_newest_part_of_each_kind_stays(tmp_path: Path) -> None:
+    names = [f"blackbox_{n:04d}.mcap" for n in (1, 2, 3)] + [f"session_{n:04d}.rrd" for n in (1, 2)]
+    for name in names:
+        (tmp_path / "now").mkdir(exist_ok=True)
+        (tmp_path / "now" / name).write_bytes(bytes(MIB))
+    keep_budget(tmp_path, tmp_path / "now", 4.0)
+    assert sorted(path.name for path in (tmp_path / "now").iterdir()) == names[1:]
+    keep_budget(tmp_path, tmp_path / "now", 0.1)
+    assert sorted(path.name for path in (tmp_path / "now").iterdir()) == [names[2], names[4]]
 
 
 # A kill
 
 
+@pytest.mark.slow
 def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     recording, chance = write(tmp_path / "recording.mcap", longer.arrivals), random.Random(7)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -317,15 +319,12 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     kept = {record.data for record in open_recording(folder)}
     for from_s, until_s in heard:
         lost = [at_s for at_s, data in robot.put if from_s < at_s < until_s and data not in kept]
-        print(from_s, until_s, len(lost), until_s - min(lost, default=until_s))
         assert min(lost, default=until_s) > until_s - KILLED_S
-    print(daemon.stderr, len(poses_of(daemon)))
     assert len(daemon.lines("resumed")) == 1
     assert {path.name for path in folder.iterdir()} >= set(RESULT_FILES) - {"session.rrd"}
     assert_replays_alike(folder, tmp_path / "replayed")
     run(recording, tmp_path / "undisturbed")
     undisturbed_m = error_m(tmp_path / "undisturbed", longer.truth)
-    print(error_m(daemon.folder, longer.truth), undisturbed_m)
     assert error_m(daemon.folder, longer.truth) < 1.2 * undisturbed_m + HOLES_M
 
 
@@ -339,15 +338,15 @@ def killed_after(daemon: Running, seconds: float) -> tuple[float, float]:
 
 
 def test_what_is_not_gone_on_with(tmp_path: Path) -> None:
+    changed = "map.resolution_m=0.1"
     with running(tmp_path / "runs") as daemon:
-        daemon.session.put(daemon.key("odom"), encode(next(circling(1)).measurement))
-        eventually(lambda: list(daemon.folder.glob("checkpoint.bin")) or True)
-        with running(tmp_path / "runs") as second:
-            assert len(list(daemon.directory.iterdir())) == 2
-            assert second.stop() == 0, second.stderr
         daemon.kill()
-        for changed in (("--fresh",), ("--set", "map.resolution_m=0.1")):
-            daemon.start_again(*changed)
-            daemon.kill()
-            assert not daemon.lines("resumed")
-    assert len(list(daemon.directory.iterdir())) == 4
+        daemon.start_again("--fresh")
+        assert len(list(daemon.directory.iterdir())) == 2
+        daemon.kill()
+        daemon.start_again("--set", changed)
+        assert len(list(daemon.directory.iterdir())) == 3
+        with running(tmp_path / "runs", changed) as second:
+            assert len(list(daemon.directory.iterdir())) == 4
+            assert second.stop() == 0, second.stderr
+        assert daemon.stop() == 0, daemon.stderr
