@@ -79,7 +79,7 @@ class TimeBase:
         return len(stream.ahead) < LASTING_MESSAGES
 
     def _jumped_back(self, stream: _Stream, stamp_ns: int) -> Stamped:
-        rising = not stream.back or stamp_ns > stream.back[-1]
+        rising = not stream.back or 0 < stamp_ns - stream.back[-1] < LEAP_NS
         if stream.last_ns - stamp_ns <= LASTING_JUMP_NS or not rising:
             stream.back.clear()
             return Stamped(stamp_ns, DropReason.STAMP_BACK)

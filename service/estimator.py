@@ -120,7 +120,8 @@ class Estimator:
             source = Source(seconds, seconds, hash_of(blackbox_parts(self._folder)), [])
             write_results(self._folder, drive, result, source, extra)
         except (OSError, WayfiError) as error:
-            return Written(len(result.stamps_ns), f"{self._folder}: the results cannot be written: {error}")
+            why = error.strerror if isinstance(error, OSError) and error.strerror else error
+            return Written(len(result.stamps_ns), f"{self._folder}: the results cannot be written: {why}")
         return Written(len(result.stamps_ns))
 
 

@@ -89,16 +89,32 @@ class LivePose:
         self._since.append(m)
         return self._pose_for(m)
 
-    def adopt(self, estimate: Estimate) -> None:
-        """Go on from `estimate`, which belongs to this object from now on."""
+    def adopt(self, estimate: Estimate) -> list[PosePublished]:
+        """Go on from `estimate`, which belongs to this object from now on.
+
+        Returns the poses of messages since then that had none, because the laser led until now.
+        """
+        laser_led = self._estimate.anchor is None
         for _ in range(min(estimate.odometry - self._estimate.odometry, len(self._since))):
             self._since.popleft()
         self._estimate = estimate
         self._begun = True
-        for m in self._since:
-            self._pose_for(m)
+        reached = [(m, self._advance(m)) for m in self._since]
+        if not laser_led or estimate.anchor is None:
+            return []
+        return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
 
     def _pose_for(self, m: Odometry) -> PosePublished | None:
+        point = self._advance(m)
+        if point is None:
+            return None
+        if not self._begun:
+            self._begin(point)
+        anchor = self._estimate.anchor
+        return anchor.pose_at(point, m.pose, self._config) if anchor else None
+
+    def _advance(self, m: Odometry) -> PathPoint | None:
+        """The path's end with this message; None where it is not used."""
         estimate, wheels = self._estimate, self._estimate.wheels
         if fault_of(m.pose):
             return None
@@ -106,12 +122,7 @@ class LivePose:
         if stamped.dropped or (wheels.latest and stamped.stamp_ns <= wheels.latest.stamp_ns):
             return None
         wheels.advance(stamped.stamp_ns, m.pose)
-        point = wheels.latest
-        assert point is not None
-        if not self._begun:
-            self._begin(point)
-        anchor = self._estimate.anchor
-        return anchor.pose_at(point, m.pose, self._config) if anchor else None
+        return wheels.latest
 
     def _begin(self, point: PathPoint) -> None:
         """The first pose is the origin of `map`."""

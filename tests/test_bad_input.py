@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drives import RESULT_FILES, Arrival, Simulated, ate_m, change, lines, run, write
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
@@ -22,9 +23,6 @@ from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, 
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.tum import read_tum
 from wayfi.service.cli import app
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import RESULT_FILES, Arrival, Simulated, ate_m, change, lines, run, write
 
 LASER_M = 0.05  # ATE of the minute with the laser; 0.005 without faults
 WHEELS_M = 0.4  # as above, by wheels and WiFi alone; 0.13 without faults

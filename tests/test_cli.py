@@ -1,7 +1,6 @@
 """The command line: what it lists, what goes to stdout, which exit code, and which setting wins."""
 
 import json
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,14 +8,12 @@ from typing import Any
 import pytest
 import typer
 from conftest import Replayed
+from drives import RESULT_FILES, Simulated, cli, write
 from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from wayfi.service.cli import app
 from wayfi.service.config import Config, config_dict
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import RESULT_FILES, Simulated, cli, write
 
 PROMISED = {
     *("demo", "replay", "run", "localize", "view", "evaluate", "simulate", "inspect", "publish", "record", "import"),

@@ -1,12 +1,11 @@
 """The bounded check of a candidate, and the gates: right places pass, others are refused with their reason."""
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rooms import CORRIDOR, HALL, TWO_FOLD, see
 from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
@@ -22,9 +21,6 @@ from wayfi.frontends.closure import (
 from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.recordings.simulation.surfaces import box
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import CORRIDOR, HALL, TWO_FOLD, see
 
 CONFIG, LIDAR = ClosureConfig(), LidarConfig()
 WIDE = np.diag([0.5**2, 0.5**2, 0.1**2])

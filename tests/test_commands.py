@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from test_daemon import Running, eventually, odometry, running
+from daemons import Running, running
+from loopback import eventually
+from test_daemon import odometry
 
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.tum import read_tum

@@ -1,13 +1,12 @@
 """The search of a window of poses, against brute force over the same lattice and against known rooms."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rooms import HALL, TWO_FOLD, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.correlative import (
@@ -20,9 +19,6 @@ from wayfi.frontends.correlative import (
     build_field,
     search,
 )
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import HALL, TWO_FOLD, see
 
 CONFIG = CorrelativeConfig()
 

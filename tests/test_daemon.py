@@ -5,12 +5,10 @@ import math
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,20 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
+from daemons import (
+    CLI,
+    Running,
+    asked_for,
+    eventually,
+    free_port,
+    into,
+    message_of,
+    odometry_of,
+    pose_of,
+    poses_of,
+    running,
+    stamp_ns,
+)
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from wayfi.backend.grid_map import MapConfig
@@ -31,14 +43,10 @@ from wayfi.recordings.calibration_file import write_calibration
 from wayfi.recordings.codec import decode, encode
 from wayfi.recordings.mcap_log import McapWriter, open_recording
 from wayfi.recordings.messages import (
-    DIAGNOSTIC_ARRAY,
     NS_PER_S,
     OCCUPANCY_GRID,
     ODOMETRY,
-    POSE_WITH_COVARIANCE,
-    TYPESTORE,
 )
-from wayfi.recordings.ros_messages import Message
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.topics import Encoding
@@ -54,9 +62,6 @@ from wayfi.service.publishers import Publishers
 from wayfi.service.queues import QueueDrop, Received
 from wayfi.service.replay import settings_for
 from wayfi.service.zenoh_session import ZenohError, key_of, open_guest_session, open_session
-
-sys.path.insert(0, str(Path(__file__).parent))
-from loopback import CLI, eventually, free_port
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 FILES = {
@@ -75,90 +80,7 @@ FILES = {
     "calibration.toml",
     "map",
 }
-PREFIX = "robot7"
 CUT_S = 60
-
-
-# Processes
-
-
-def message_of(data: bytes, type_name: str) -> Message:
-    return TYPESTORE.deserialize_cdr(data, type_name)
-
-
-def into(keep: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
-    return lambda sample: keep(sample.payload.to_bytes())
-
-
-@dataclass
-class Running:
-    """A daemon process, and a session of ours beside it."""
-
-    process: "subprocess.Popen[str]"
-    settings: list[str]
-    directory: Path
-    config: ZenohConfig
-    session: zenoh.Session
-    samples: dict[str, list[bytes]] = field(default_factory=dict)
-    subscribers: list[Any] = field(default_factory=list)
-    stderr: str = ""
-
-    @property
-    def folder(self) -> Path:
-        (folder,) = self.directory.iterdir()
-        return folder
-
-    def key(self, name: str) -> str:
-        return key_of(self.config, name)
-
-    def collect(self, *names: str) -> None:
-        for name in names:
-            keep = self.samples.setdefault(name, []).append
-            self.subscribers.append(self.session.declare_subscriber(self.key(name), into(keep)))
-
-    def status(self) -> dict[str, str]:
-        """The values of the newest status."""
-        message = message_of(self.samples["wayfi/status"][-1], DIAGNOSTIC_ARRAY)
-        (status,) = message.status
-        assert status.name == "wayfi"
-        return {pair.key: pair.value for pair in status.values}
-
-    def publish(self, recording: Path, rate: str) -> None:
-        command = [*CLI, "publish", str(recording), "--rate", rate, "--json", *self.settings]
-        subprocess.run(command, check=True, capture_output=True, timeout=60)
-
-    def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
-        self.process.send_signal(number)
-        _, self.stderr = self.process.communicate(timeout=30)
-        return self.process.returncode
-
-
-@contextmanager
-def running(directory: Path, *extra: str) -> Iterator[Running]:
-    """A daemon that is ready."""
-    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=PREFIX)
-    values = (f"zenoh.listen={config.listen}", f"zenoh.prefix={PREFIX}", f"recording.directory={directory}")
-    settings = [word for value in (*values, f"rerun.port={free_port()}", *extra) for word in ("--set", value)]
-    process = subprocess.Popen([*CLI, "run", *settings], stderr=subprocess.PIPE, text=True)
-    try:
-        eventually(lambda: accepts(config.listen[0]) or process.poll() is not None)
-        with open_guest_session(config) as session:
-            daemon = Running(process, settings, directory, config, session)
-            eventually(lambda: alive(daemon) or process.poll() is not None)
-            yield daemon
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def accepts(endpoint: str) -> bool:
-    host, port = endpoint.removeprefix("tcp/").split(":")
-    with socket.socket() as probe:
-        return probe.connect_ex((host, int(port))) == 0
-
-
-def alive(daemon: Running) -> bool:
-    return any(reply.ok for reply in daemon.session.liveliness().get(daemon.key("wayfi/alive"), timeout=1.0))
 
 
 # A whole drive
@@ -200,30 +122,12 @@ def drive(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     recording = request.param(folder)
     with running(folder / "runs", "zenoh.scan_queue=100000") as daemon:
         daemon.collect("wayfi/pose", "wayfi/tf", "wayfi/status", "wayfi/map")
-        daemon.publish(recording, "max")
+        daemon.publish(recording, None)
         count = len(odometry_of(recording))
         eventually(lambda: len(daemon.samples["wayfi/pose"]) >= count)
         exit_code = daemon.stop()
         eventually(lambda: daemon.samples["wayfi/map"])
         yield Drive(recording, daemon, exit_code)
-
-
-def odometry_of(recording: Path) -> list[Odometry]:
-    messages = [decode(r.data, Sensor.ODOM, Encoding.CDR) for r in open_recording(recording) if r.topic == "/odom"]
-    return [m for m in messages if isinstance(m, Odometry)]
-
-
-def poses_of(daemon: Running) -> list[Message]:
-    return [message_of(data, POSE_WITH_COVARIANCE) for data in daemon.samples["wayfi/pose"]]
-
-
-def stamp_ns(header: Message) -> int:
-    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
-
-
-def pose_of(message: Message) -> Pose2:
-    p, q = message.pose.pose.position, message.pose.pose.orientation
-    return Pose2(p.x, p.y, 2 * math.atan2(q.z, q.w))
 
 
 def test_it_ends_cleanly_with_every_file(drive: Drive) -> None:
@@ -378,10 +282,6 @@ def test_a_setting_that_is_none_is_one_line(setting: str) -> None:
 
 
 # Late joiners
-
-
-def asked_for(session: zenoh.Session, key: str) -> list[bytes]:
-    return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=5.0) if reply.ok]
 
 
 def test_a_late_joiner_gets_the_map() -> None:

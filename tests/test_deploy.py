@@ -11,15 +11,13 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from loopback import Authority, eventually, free_port
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from wayfi.service.config import SecurityConfig, ZenohConfig, load_config
 from wayfi.service.output_messages import OK, Status
 from wayfi.service.publishers import Publishers
 from wayfi.service.zenoh_session import RefusedError, key_of, open_guest_session, open_session
-
-sys.path.insert(0, str(Path(__file__).parent))
-from loopback import Authority, eventually, free_port
 
 DEPLOY = Path(__file__).parents[1] / "deploy"
 

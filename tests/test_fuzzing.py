@@ -2,13 +2,14 @@
 
 import math
 import random
-import sys
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import Simulated
+from fuzzed_drive import as_cloud, fuzzed, sensor_of, thinned
+from fuzzing import Mutator
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished
@@ -34,11 +35,6 @@ from wayfi.service.pipeline import Pipeline
 from wayfi.service.scan_intake import MOST_FRAMES, MOST_WAITING
 from wayfi.service.wifi_intake import MOST_RECEIVERS
 from wayfi.service.wifi_intake import MOST_WAITING as MOST_WIFI_WAITING
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import Simulated
-from fuzzed_drive import as_cloud, fuzzed, sensor_of, thinned
-from fuzzing import Mutator
 
 START_NS = 1_700_000_000 * SECOND_NS
 MOUNT = StaticTransform("base_link", "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))

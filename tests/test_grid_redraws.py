@@ -1,16 +1,11 @@
 """The grid in the stream: redrawn as the drive goes, at moments that depend on the measurements alone."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
+from drives import Simulated
 
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished
 from wayfi.service.config import load_config
 from wayfi.service.pipeline import Pipeline, Result
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import Simulated
 
 
 def driven(drive: Simulated) -> tuple[list[Event], list[Event], Result]:

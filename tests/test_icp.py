@@ -1,20 +1,16 @@
 """ICP in rooms with known walls: near the truth where they fix the pose, and honest where they do not."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rooms import CORRIDOR, HALL, off_by, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.icp import IcpConfig, icp
 from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig, match_covariance, match_scan, merge_submap
 from wayfi.frontends.point_index import PointIndex, build_index, nearest
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import CORRIDOR, HALL, off_by, see
 
 LIDAR = LidarConfig()
 NO_PRIOR = np.zeros((3, 3))

@@ -1,13 +1,12 @@
 """From beams to points in base_link: geometry, mounts, normals, and the motion of a sweep."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rooms import see
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
@@ -16,9 +15,6 @@ from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTrans
 from wayfi.frontends.odometry import OdometryConfig, Wheels
 from wayfi.recordings.simulation.surfaces import box
 from wayfi.service.scan_intake import ScanIntake
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import see
 
 S = 1_000_000_000
 

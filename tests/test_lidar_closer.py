@@ -1,10 +1,9 @@
 """Loops closed by the laser, proposed by the estimate and by WiFi; closures that prove wrong are taken back."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from circles import Circles, S, drive
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.backend.pose_graph import Between
@@ -12,9 +11,6 @@ from wayfi.frontends.closure import ClosureConfig
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.lidar_closer import LidarCloser
-
-sys.path.insert(0, str(Path(__file__).parent))
-from circles import Circles, S, drive
 
 
 def closer(run: Circles, config: ClosureConfig | None = None) -> LidarCloser:

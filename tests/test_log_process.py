@@ -1,18 +1,15 @@
 """The log that runs in a process of its own writes what the one beside would, and says when it cannot."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
+from rerun_events import drive
 
 from wayfi.recordings.log_process import LogProcess, LogProcessError, Part
 from wayfi.recordings.rerun_config import RerunConfig
 from wayfi.recordings.rerun_log import RerunLog
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rerun_events import drive
 
 EVENTS = list(drive(40, 60))
 CONFIG = replace(RerunConfig(), scan_points=50)

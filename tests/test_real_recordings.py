@@ -3,18 +3,15 @@
 The WiFi of intel_wifi is simulated.
 """
 
-import sys
 from pathlib import Path
 
 import pytest
+from drives import RESULT_FILES, replay_by_cli
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.tum import read_tum
 from wayfi.service.evaluate import evaluate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import RESULT_FILES, replay_by_cli
 
 BOUND_M = {
     "b14test1": 0.6,

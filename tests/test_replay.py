@@ -4,7 +4,6 @@ import csv
 import hashlib
 import json
 import math
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Replayed
+from drives import RESULT_FILES, Simulated, ate_m, lines, replay_by_cli, run, write
 from matplotlib.image import imread
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
@@ -21,9 +21,6 @@ from wayfi.recordings.mcap_log import McapWriter, open_recording
 from wayfi.recordings.tables import CLOSURE_COLUMNS, RADIO_COLUMNS, read_closures
 from wayfi.recordings.tum import read_tum
 from wayfi.service.config import Config, config_toml, load_config
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import RESULT_FILES, Simulated, ate_m, lines, replay_by_cli, run, write
 
 REPORT_KEYS = {
     *("messages", "dropped", "stages", "wall_s", "recording_s", "peak_memory_mb", "recording_sha256", "versions"),

@@ -2,13 +2,13 @@
 
 import csv
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import Replayed
+from drives import SECOND_NS, Simulated, ate_m, write
 from typer.testing import CliRunner, Result
 
 from wayfi.backend.pose2 import between_all, compose_all
@@ -28,9 +28,6 @@ from wayfi.service.reproduction.tables import (
     sweep_table,
     write_tables,
 )
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import SECOND_NS, Simulated, ate_m, write
 
 # The tables
 

@@ -1,12 +1,13 @@
 """The paper's Algorithm 1: the law of each of its stages, on small drives with known truth."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import SECOND_NS, Arrival, write
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rooms import CORRIDOR, HALL, see
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, wrap
 from wayfi.backend.scoring import absolute_error
@@ -22,10 +23,6 @@ from wayfi.service.reproduction.rigid_motion import mean_residual, rigid_motion
 from wayfi.service.reproduction.similarities import Similarities, all_similarities
 from wayfi.service.reproduction.similarity_model import Distances, SimilarityModel, distance_closures, learn_model
 from wayfi.service.reproduction.wifi_closures import Closures, candidate_pairs, sequence_closures
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import SECOND_NS, Arrival, write
-from rooms import CORRIDOR, HALL, see
 
 POSES = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))
 NO_CLOSURES = Closures(np.zeros((0, 2), np.int64), np.zeros((0, 3)))

@@ -1,7 +1,6 @@
 """The Rerun log: what was believed at a moment is what the file shows for it, in a file and live alike."""
 
 import socket
-import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rerun.chunk import Chunk, RrdReader
+from rerun_events import KEYFRAMES_A_LAP, START_NS, drive
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2, wrap
@@ -34,9 +34,6 @@ from wayfi.recordings.rerun_log import RerunLog, open_log
 from wayfi.recordings.rerun_submaps import BENT_M, MOVED_M
 from wayfi.recordings.viewer import find_log
 from wayfi.recordings.viewer_process import free_port, viewer_process
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rerun_events import KEYFRAMES_A_LAP, START_NS, drive
 
 KEYFRAMES = KEYFRAMES_A_LAP + 90
 SIZE = RerunConfig().submap_keyframes

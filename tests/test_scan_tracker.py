@@ -1,10 +1,9 @@
 """Scan matching from keyframe to keyframe, and trust in wheels that follows what the laser finds."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
+from rooms import HALL, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.backend.wheel_calibration import WheelMotion
@@ -13,9 +12,6 @@ from wayfi.frontends.laser_points import ScanPoints
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.odometry import OdometryConfig, PathPoint, wheel_covariance
 from wayfi.frontends.scan_tracker import ScanTracker, Tracked
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import HALL, see
 
 LIDAR, ODOMETRY = LidarConfig(), OdometryConfig()
 START = Pose2(-4.5, -2.5, 0.0)

@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 import psutil
 import pytest
 import zenoh
+from loopback import CLI, Authority, eventually, free_port, secret
 
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.messages import ODOMETRY
@@ -26,9 +26,6 @@ from wayfi.service.zenoh_session import (
     open_guest_session,
     open_session,
 )
-
-sys.path.insert(0, str(Path(__file__).parent))
-from loopback import CLI, Authority, eventually, free_port, secret
 
 
 def endpoint(protocol: str = "tcp") -> str:

@@ -1,18 +1,15 @@
 """Simulated drives against their truth, with the laser and without, and what the whole car park costs."""
 
-import sys
 from pathlib import Path
 
 import pytest
 from conftest import Replayed
+from drives import replay_by_cli
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.evaluate import Evaluation, evaluate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import replay_by_cli
 
 MB = 1e6
 WITHOUT_LASER = ("--set", "lidar.enabled=false")

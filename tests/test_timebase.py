@@ -134,6 +134,7 @@ def test_a_clock_set_to_zero_and_right_again_is_followed_both_ways() -> None:
 def test_a_clock_that_leaps_to_and_fro_does_not_run_away() -> None:
     time = TimeBase()
     ahead_ns = 60 * 365 * 86_400 * NS_PER_S
-    stamps = [near + k * NS_PER_S for _ in range(50) for near in (0, ahead_ns) for k in range(20)]
+    strides_ns = (NS_PER_S, ahead_ns // 20)
+    stamps = [near + k * s for s in strides_ns for _ in range(50) for near in (0, ahead_ns) for k in range(20)]
     kept = [time.accept("odom", stamp_ns) for stamp_ns in stamps]
     assert max(stamped.stamp_ns for stamped in kept if not stamped.dropped) < ahead_ns + 86_400 * NS_PER_S

@@ -1,11 +1,10 @@
 """WiFi's pairs of places: believed together or not at all, whatever order they come in, and taken back if wrong."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from circles import PRIOR, Circles, S, drive
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.backend.pose_graph import Between, Near
@@ -13,9 +12,6 @@ from wayfi.frontends.consensus import ConsensusConfig
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.wifi import WifiCandidate, WifiConfig
 from wayfi.frontends.wifi_closer import WifiCloser
-
-sys.path.insert(0, str(Path(__file__).parent))
-from circles import PRIOR, Circles, S, drive
 
 SIGMA_M = 0.8
 

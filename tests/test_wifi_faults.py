@@ -1,6 +1,5 @@
 """What goes wrong with WiFi: the estimate is never worse than without WiFi, and the status says what is wrong."""
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from heapq import merge
@@ -9,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drives import Simulated, change, write
+from drives import run as replayed
 
 from wayfi.backend.health import State
 from wayfi.backend.scoring import absolute_error
@@ -30,10 +31,6 @@ from wayfi.service.output_messages import OK, WARN
 from wayfi.service.pipeline import Pipeline
 from wayfi.service.queues import Queues, limits_of
 from wayfi.service.vital_signs import VitalSigns
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import Simulated, change, write
-from drives import run as replayed
 
 WORSE = 1.1
 FLOOR_M = 0.005  # of the drive with the laser: what other WiFi scans of the same place change
