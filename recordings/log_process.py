@@ -99,6 +99,7 @@ class LogProcess:
         with contextlib.suppress(BrokenPipeError), self._process.stdin as pipe:
             while (data := self._pickles.get()) is not None:
                 pipe.write(data)
+                pipe.flush()
             return
         while self._pickles.get() is not None:
             pass

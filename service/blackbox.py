@@ -77,6 +77,7 @@ class BlackBox:
 
     def rotate_if_due(self) -> None:
         """Begin the next part where this one is large or old enough."""
+        self.flush()
         full = self._writer.size_bytes > self._limits.part_mb * MIB
         old = time.monotonic() - self._begun_s > self._limits.part_minutes * 60
         if full or old:

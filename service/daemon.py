@@ -265,20 +265,18 @@ class Daemon:
         self._log.warning("warned", text=text)
 
     def _tell_status(self) -> None:
-        dropped = merged(self._dropped, self._queue_drops())
-        extra = {"run": self._folder.path, "unpublished": self._publishers.unpublished}
-        extra["paused"] = str(self._paused).lower()
-        extra["unrecorded"] = self._recorder.unrecorded
+        dropped = merged(self._dropped, self._vitals.queue_drops())
+        extra = {
+            "run": self._folder.path,
+            "paused": str(self._paused).lower(),
+            "unpublished": self._publishers.unpublished,
+            "unrecorded": self._recorder.unrecorded,
+        }
         self._publishers.publish_status(time.time_ns(), self._vitals.status(dropped, extra))
         for topic, reason in {(topic, reason) for topic, reasons in dropped.items() for reason in reasons}:
             if (topic, reason) not in self._dropped_said:
                 self._dropped_said.add((topic, reason))
                 self._log.warning("dropped", topic=topic, reason=reason, note="said once; counted in wayfi/status")
-
-    def _queue_drops(self) -> Drops:
-        """What never came to the estimation, by topic and reason."""
-        by_topic = [{self._topics[s]: d for s, d in q.dropped().items()} for q in (self._inbox, self._backlog)]
-        return merged(*by_topic)
 
     def _drain(self) -> None:
         """Let the estimation have what waits, but not for ever."""
@@ -294,7 +292,7 @@ class Daemon:
         """Feed what still waits, have the results written, and say so."""
         self._drain()
         self._finishing = True
-        self._backlog.put(Finish(self._queue_drops(), {"latency": self._vitals.latencies.summary()}))
+        self._backlog.put(Finish(self._vitals.queue_drops(), {"latency": self._vitals.latencies.summary()}))
         deadline_s = time.monotonic() + FINISH_S
         while self._written is None and not self._estimation.ended and time.monotonic() < deadline_s:
             self._step()

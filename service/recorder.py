@@ -25,9 +25,10 @@ class Recorder:
         self._folder = folder
         self._config = config
         self._complain = complain
-        self._blackbox: BlackBox | None = begin()
+        self._blackbox: BlackBox | None = None
         self._looked_s = time.monotonic()
         self.unrecorded = 0
+        self._guard(self._open)
 
     def write(self, item: Received | Mark) -> None:
         """Record a message or a mark; counted in `unrecorded` where that is impossible."""
@@ -55,8 +56,9 @@ class Recorder:
     def look_after(self) -> None:
         """Flush, keep the budget, and stop where the disk is nearly full, each when its time has come."""
         blackbox = self._blackbox
-        if blackbox is not None:
-            self._guard(blackbox.flush_if_due)
+        if blackbox is None:
+            return
+        self._guard(blackbox.flush_if_due)
         if time.monotonic() - self._looked_s >= LOOK_S:
             self._looked_s = time.monotonic()
             self._guard(self._look_at_disk)
@@ -66,6 +68,9 @@ class Recorder:
         if self._blackbox is not None:
             self._guard(self._blackbox.close)
             self._blackbox = None
+
+    def _open(self) -> None:
+        self._blackbox = self._begin()
 
     def _look_at_disk(self) -> None:
         keep_budget(self._folder.parent, self._folder, self._config.budget_mb)
@@ -78,7 +83,7 @@ class Recorder:
         self._looked_s = time.monotonic()
         try:
             self._look_at_disk()
-            self._blackbox = self._begin()
+            self._open()
         except (OSError, RecordingError):
             return
         self._complain(f"recording again; {self.unrecorded} messages are missing from the black box")
@@ -94,4 +99,4 @@ class Recorder:
         blackbox, self._blackbox = self._blackbox, None
         if blackbox is not None:
             blackbox.abandon()
-            self._complain(text)
+        self._complain(text)

@@ -12,6 +12,7 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.service.backlog import Backlog
 from wayfi.service.output_messages import ERROR, OK, WARN, Status
 from wayfi.service.queues import Queues
+from wayfi.service.tally import Drops, merged
 from wayfi.service.timing import StageCost
 
 LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
@@ -87,7 +88,12 @@ class VitalSigns:
         changed = state is not self._state or complaints != list(self._complaints)
         return changed or time.monotonic() - told_s >= PERIOD_S
 
-    def status(self, dropped: dict[str, dict[str, int]], extra: dict[str, Any]) -> Status:
+    def queue_drops(self) -> Drops:
+        """What never came to the estimation, by topic and reason."""
+        drops = (self._inbox.dropped(), self._backlog.dropped())
+        return merged(*({self._topics[sensor]: reasons for sensor, reasons in d.items()} for d in drops))
+
+    def status(self, dropped: Drops, extra: dict[str, Any]) -> Status:
         """The status as of now; `dropped` by topic and reason."""
         self._told = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}

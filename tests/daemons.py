@@ -14,16 +14,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zenoh
 from loopback import CLI, eventually, free_port
 
 from wayfi.backend.pose2 import Pose2
+from wayfi.backend.scoring import absolute_error
+from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.recordings.codec import decode
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.messages import DIAGNOSTIC_ARRAY, NS_PER_S, POSE_WITH_COVARIANCE, TYPESTORE
 from wayfi.recordings.ros_messages import Message
 from wayfi.recordings.topics import Encoding
+from wayfi.recordings.tum import read_tum
 from wayfi.service.config import Config, ZenohConfig
 from wayfi.service.pace import Pace
 from wayfi.service.publish import publish_recording
@@ -32,6 +36,7 @@ from wayfi.service.subscribers import SYNC
 from wayfi.service.zenoh_session import key_of, open_guest_session, open_session
 
 PREFIX = "robot7"
+MS_NS = 1_000_000
 
 
 def accepts(endpoint: str) -> bool:
@@ -136,7 +141,7 @@ class Running:
 
 
 @contextmanager
-def running(directory: Path, *extra: str, flags: tuple[str, ...] = (), router: str = "") -> Iterator[Running]:
+def running(directory: Path, *extra: str, router: str = "") -> Iterator[Running]:
     """A daemon that is ready; `router` is the endpoint of one that it is to be a client of."""
     if router:
         config = ZenohConfig(mode="client", connect=[router], prefix=PREFIX)
@@ -145,7 +150,7 @@ def running(directory: Path, *extra: str, flags: tuple[str, ...] = (), router: s
     zenoh_values = (f"zenoh.{name}={getattr(config, name)}" for name in ("mode", "listen", "connect", "prefix"))
     values = (*zenoh_values, f"recording.directory={directory}", f"rerun.port={free_port()}", *extra)
     settings = [word for value in values for word in ("--set", value)]
-    process = _launch([*settings, *flags])
+    process = _launch(settings)
     daemon: Running | None = None
     try:
         endpoint = (config.connect or config.listen)[0]
@@ -229,9 +234,41 @@ def report_of(folder: Path) -> dict[str, Any]:
     return report
 
 
-def assert_replays_alike(folder: Path, out: Path) -> None:
-    """The black box gives the trajectories that the daemon left, to the byte."""
+def replays_alike(folder: Path, out: Path) -> bool:
+    """Whether the black box gives the trajectories that the daemon left, to the byte."""
     config, calibration = settings_for(folder, (), (), None)
     replay(folder, config, calibration, ReplayOptions(out, rrd=False))
-    for name in ("trajectory.tum", "online.tum"):
-        assert (out / name).read_bytes() == (folder / name).read_bytes(), name
+    return all((out / n).read_bytes() == (folder / n).read_bytes() for n in ("trajectory.tum", "online.tum"))
+
+
+def error_m(folder: Path, truth: Trajectory) -> float:
+    """ATE RMSE, m, at the stamps of the trajectory."""
+    estimate = read_tum(folder / "trajectory.tum")
+    at = np.isin(truth.stamps_ns // MS_NS, estimate.stamps_ns // MS_NS)
+    assert at.any()
+    return absolute_error(estimate, Trajectory(truth.stamps_ns[at], truth.poses[at])).error.ate_rmse_m
+
+
+# Kills
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """The moments from which a daemon heard, and when it was killed, on the monotonic clock."""
+
+    ready_s: float
+    killed_s: float
+
+    def lost_s(self, robot: Robot, kept: set[bytes]) -> float:
+        """How long before the kill the first message was put that is not in the black box, which `kept` is of."""
+        heard = [at_s for at_s, data in robot.put if self.ready_s < at_s < self.killed_s and data not in kept]
+        return self.killed_s - min(heard, default=self.killed_s)
+
+
+def kill_after(daemon: Running, seconds: float) -> Kill:
+    """Kill a daemon that is ready so long from now, and start it again."""
+    ready_s = time.monotonic()
+    time.sleep(seconds)
+    killed_s = daemon.kill()
+    daemon.start_again()
+    return Kill(ready_s, killed_s)

@@ -1,0 +1,108 @@
+"""`wayfi run` under a drive that is published: what is dropped, how late a pose is, whether the black box replays.
+
+    python tests/benchmarks/daemon.py [--minutes M] [--rates R ...]     at multiples of real time, live Rerun log on
+    python tests/benchmarks/daemon.py --kills N [--seed S]              kill -9 at random moments
+
+The drive is a simulated car park's.
+"""
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from daemons import Robot, Running, error_m, free_port, kill_after, replays_alike, report_of, routing, running
+from drives import Simulated, run, simulated, write
+
+from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.simulation.worlds import World
+
+BETWEEN_KILLS_S = (1.0, 13.0)  # from when it was ready
+CYCLE_S = 11.0  # from one kill to the next, about
+LAST_MINUTES = 1.0
+
+
+def main() -> None:
+    """Measure what was asked for, and print it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=1.5)
+    parser.add_argument("--rates", type=float, nargs="+", default=[1.0, 5.0, 20.0])
+    parser.add_argument("--kills", type=int, default=0)
+    parser.add_argument("--kill-rate", type=float, default=1.0, help="times real time, of the drive that is killed")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if arguments.kills:
+            drive = simulated(World.CARPARK, arguments.kills * CYCLE_S * arguments.kill_rate / 60 + LAST_MINUTES)
+            say_kills(folder, drive, arguments)
+        else:
+            drive = simulated(World.CARPARK, arguments.minutes)
+            recording = write(folder / "recording.mcap", drive.arrivals)
+            say("rate", "messages", "dropped", "p50 ms", "p99 ms", "max ms", "replays alike")
+            for rate in arguments.rates:
+                say_rate(folder / f"{rate:g}", recording, rate)
+
+
+def say_rate(folder: Path, recording: Path, rate: float) -> None:
+    """One line of the table."""
+    with running(folder / "runs") as daemon:
+        daemon.publish(recording, rate)
+        stopped(daemon)
+    report = report_of(daemon.folder)
+    dropped = ", ".join(f"{topic} {n} {why}" for topic, whys in report["dropped"].items() for why, n in whys.items())
+    latencies = [f"{report['latency'][name]:.1f}" for name in ("p50_ms", "p99_ms", "max_ms")]
+    alike = "yes" if replays_alike(daemon.folder, folder / "replayed") else "NO"
+    say(f"{rate:g}", str(sum(report["messages"].values())), dropped or "nothing", *latencies, alike)
+
+
+def say_kills(folder: Path, drive: Simulated, arguments: argparse.Namespace) -> None:
+    """Kill a daemon again and again while a robot drives on."""
+    recording, chance, endpoint = (
+        write(folder / "recording.mcap", drive.arrivals),
+        random.Random(arguments.seed),
+        local(),
+    )
+    poses_s: list[float] = []
+    with routing(endpoint) as session, running(folder / "runs", router=endpoint) as daemon:
+        heard = session.declare_subscriber(daemon.key("wayfi/pose"), lambda _: poses_s.append(time.monotonic()))
+        robot = Robot(daemon, recording, arguments.kill_rate)
+        robot.start()
+        kills = [kill_after(daemon, chance.uniform(*BETWEEN_KILLS_S)) for _ in range(arguments.kills)]
+        robot.finish()
+        stopped(daemon)
+        heard.undeclare()
+    kept = {record.data for record in open_recording(daemon.folder)}
+    say("kill", "back after s", "input lost s")
+    for number, kill in enumerate(kills, 1):
+        back_s = min((at_s for at_s in poses_s if at_s > kill.killed_s), default=float("nan")) - kill.killed_s
+        say(str(number), f"{back_s:.2f}", f"{kill.lost_s(robot, kept):.2f}")
+    run(recording, folder / "undisturbed")
+    ours_m, undisturbed_m = (error_m(out, drive.truth) for out in (daemon.folder, folder / "undisturbed"))
+    say(f"ATE {ours_m:.3f} m, undisturbed {undisturbed_m:.3f} m: {ours_m / undisturbed_m:.2f} times")
+    say(f"runs: {len(list(daemon.directory.iterdir()))}")
+    say("replays alike: " + ("yes" if replays_alike(daemon.folder, folder / "replayed") else "NO"))
+
+
+def local() -> str:
+    """A free endpoint."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+def stopped(daemon: Running) -> None:
+    """Stop a daemon; it has to end cleanly."""
+    if daemon.stop() != 0:
+        sys.exit(daemon.stderr)
+
+
+def say(*cells: str) -> None:
+    """Print a line of a table."""
+    sys.stdout.write(" | ".join(cells) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
