@@ -191,7 +191,8 @@ class PoseGraph:
         if estimate is None:
             return
         queued, removed, restart = self._queued, self._removed, self._restart
-        self._rebuild(*estimate, numbers=[number for number in self._factors if number not in queued])
+        calibration, poses = estimate
+        self._rebuild(calibration, poses, [number for number in self._factors if number not in queued])
         self._queued = queued
         self._restart = restart or (estimate if removed else None)
 

@@ -41,6 +41,7 @@ class DropReason(StrEnum):
     TOO_LATE = "too_late"
     AHEAD = "ahead_of_odometry"
     IMPLAUSIBLE_MOTION = "implausible_motion"
+    INTERNAL_ERROR = "internal_error"
     SENSOR_OFF = "sensor_off"
     OTHER_LASER = "another_laser_is_used"
 

@@ -1,11 +1,13 @@
 """A drive as a daemon has it: messages, and between them what the daemon did, as its black box holds both."""
 
 import pickle
+import traceback
+from pathlib import Path
 from typing import Self
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import Event, PosePublished
-from wayfi.frontends.measurements import Odometry, Sensor
+from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
+from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry import calibration_prior
 from wayfi.recordings.log import Log
 from wayfi.recordings.topics import Encoding
@@ -41,7 +43,17 @@ class LiveDrive:
         if measurement is None:
             return [], None
         published = self._live.take(measurement) if isinstance(measurement, Odometry) else None
-        return self.drive.process(measurement, published), published
+        try:
+            return self.drive.process(measurement, published), published
+        except Exception as error:
+            return self._failed(sensor, measurement, error), published
+
+    def _failed(self, sensor: Sensor, measurement: Measurement, error: Exception) -> list[Event]:
+        """A fault of ours, not of the message; a robot that nobody watches goes on all the same."""
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"internal error, please report it: {error!r} at {Path(place.filename).name}:{place.lineno}"
+        dropped = Dropped(sensor, measurement.stamp_ns, DropReason.INTERNAL_ERROR)
+        return [dropped, Warned(measurement.stamp_ns, text)]
 
     def new_estimate(self) -> Estimate | None:
         """The newest estimate, where it is another than what this returned last; to be asked after every message."""

@@ -13,6 +13,7 @@ import pytest
 
 from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
+from wayfi.frontends.events import Event
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap_log import Record, open_recording
 from wayfi.recordings.simulation.recorder import simulate
@@ -23,7 +24,7 @@ from wayfi.service.config import Config
 from wayfi.service.drive import Drive
 from wayfi.service.live_drive import LiveDrive
 from wayfi.service.marks import MARKS_TOPIC, Mark, MarkKind
-from wayfi.service.pipeline import Result
+from wayfi.service.pipeline import Pipeline, Result
 from wayfi.service.players import BlackBoxPlayer, PlainPlayer
 
 
@@ -161,3 +162,23 @@ def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_pa
     result = player.drive.finish()
     assert pickle.loads(done.stdout) == (result.online.tobytes(), result.final.tobytes())
     assert len(result.stamps_ns) > 100
+
+
+def test_a_fault_of_ours_is_told_and_the_drive_goes_on(drive: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
+    sound, count = Pipeline.process, 0
+
+    def failing(self: Pipeline, *arguments: object) -> list[Event]:
+        nonlocal count
+        count += 1
+        if count == 500:
+            raise RuntimeError("out of luck")
+        return sound(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Pipeline, "process", failing)
+    player = BlackBoxPlayer(LiveDrive(Config(), None, NullLog()))
+    for record in drive.records[:1000]:
+        player.play(record)
+    tally = player.drive.tally
+    assert [reasons["internal_error"] for reasons in tally.dropped.values()] == [1]
+    assert any("out of luck" in text for text in tally.warnings)
+    assert len(player.drive.finish().stamps_ns) > 400
