@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -22,7 +23,7 @@ import zenoh
 
 from wayfi.recordings.messages import DIAGNOSTIC_ARRAY, TYPESTORE
 from wayfi.service.config import ZenohConfig
-from wayfi.service.zenoh_session import open_guest_session
+from wayfi.service.zenoh_session import UnreachableError, open_guest_session
 
 matplotlib.use("Agg")
 CLI = [sys.executable, "-m", "wayfi.service.cli"]
@@ -61,31 +62,39 @@ class Soak:
             "recording.budget_mb=2000",
         )
         self._settings = [w for v in (*values, f"rerun.port={_free_port()}") for w in ("--set", v)]
-        self._daemon = subprocess.Popen([*CLI, "run", *self._settings], stderr=(out / "stderr").open("w"))
+        with (out / "stderr").open("w") as stderr:
+            self._daemon = subprocess.Popen([*CLI, "run", *self._settings], stderr=stderr)
         self._begun_s = time.monotonic()
         self._status: dict[str, str] = {}
 
-    def run(self, recording: Path, minutes: float, rate: float) -> int:
-        """Drive after drive until the time is over; returns the daemon's exit code."""
+    def run(self, recording: Path, minutes: float, rate: float, drives: int = 1_000_000) -> int:
+        """Drive after drive until the time is over or there were `drives`; returns the daemon's exit code."""
         with self._meet() as session:
             session.declare_subscriber("wayfi/status", self._hear)
-            while time.monotonic() - self._begun_s < minutes * 60 and self._daemon.poll() is None:
+            while self._daemon.poll() is None and self.drive < drives:
+                if time.monotonic() - self._begun_s > minutes * 60:
+                    break
                 self.drive += 1
                 self._wait_until_ready(session)
                 publish = [*CLI, "publish", str(recording), "--rate", str(rate), "--quiet", *self._settings]
                 with subprocess.Popen(publish) as publisher:
                     while publisher.poll() is None:
-                        time.sleep(PERIOD_S)
-                        self._look()
+                        self._look_after(publisher)
                 list(session.get("wayfi/command/reset", timeout=10.0))
         self._daemon.terminate()
         return self._daemon.wait(timeout=60)
+
+    def _look_after(self, publisher: "subprocess.Popen[bytes]") -> None:
+        """Look when five seconds are over, or the drive is."""
+        with suppress(subprocess.TimeoutExpired):
+            publisher.wait(timeout=PERIOD_S)
+        self._look()
 
     def _meet(self) -> zenoh.Session:
         while True:
             try:
                 return open_guest_session(self._config)
-            except Exception:
+            except UnreachableError:
                 time.sleep(0.2)
 
     def _wait_until_ready(self, session: zenoh.Session) -> None:
