@@ -10,7 +10,7 @@ from pathlib import Path
 
 from wayfi.recordings.files import write_bytes
 
-NAME = "checkpoint.bin"
+CHECKPOINT = "checkpoint.bin"
 MAGIC = b"wayfi checkpoint 1\n"
 
 
@@ -25,13 +25,13 @@ class Checkpoint:
 def write_checkpoint(folder: Path, number: int, drive: bytes) -> None:
     """Put a checkpoint into `folder`, in the place of the one before. Raises OSError."""
     head = MAGIC + f"{number} {_versions()} {hashlib.sha256(drive).hexdigest()}\n".encode()
-    write_bytes(folder / NAME, head + drive)
+    write_bytes(folder / CHECKPOINT, head + drive)
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
     """The checkpoint of `folder`; None where there is none that is whole and of this very software."""
     try:
-        data = (folder / NAME).read_bytes()
+        data = (folder / CHECKPOINT).read_bytes()
     except OSError:
         return None
     head, _, drive = data.removeprefix(MAGIC).partition(b"\n")

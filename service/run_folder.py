@@ -11,6 +11,7 @@ from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.calibration_file import calibration_toml
 from wayfi.service.blackbox import blackbox_parts
+from wayfi.service.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive import topics_of
 
@@ -36,7 +37,8 @@ class RunFolder:
         return self.away_s is not None
 
     def stopped(self) -> None:
-        """Say that the run was stopped cleanly, and let go of the folder."""
+        """Say that the run was stopped cleanly, and let go of the folder and of what a restart would have needed."""
+        (self.path / CHECKPOINT).unlink(missing_ok=True)
         (self.path / RUNNING).unlink(missing_ok=True)
         os.close(self.lock)
 
