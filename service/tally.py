@@ -51,8 +51,8 @@ class Tally:
 
     @property
     def warnings(self) -> list[str]:
-        """The first `MOST_WARNINGS` different ones, in the order in which they first came, with how often they came."""
-        texts = [text if count == 1 else f"{text} ({count} times)" for text, count in self._warnings.items()]
+        """The first `MOST_WARNINGS` different ones, in the order in which they first came; then how often, if again."""
+        texts = [*self._warnings, *(f"{count} times: {text}" for text, count in self._warnings.items() if count > 1)]
         return texts + ([f"{self._more_warnings} more warnings"] if self._more_warnings else [])
 
     @property

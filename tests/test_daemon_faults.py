@@ -263,7 +263,7 @@ def test_many_parts_and_a_budget(tmp_path: Path) -> None:
             file.truncate(BUDGET_MB * MIB)
     small = ("recording.part_mb=0.01", "rerun.part_mb=0.1", f"recording.budget_mb={BUDGET_MB}")
     with running(tmp_path / "runs", *small) as daemon:
-        daemon.publish(recording, RATE)
+        daemon.publish(recording, RATE / 3)
         assert daemon.stop() == 0, daemon.stderr
     assert not list(older.iterdir())
     parts, sessions = (sorted(daemon.folder.glob(pattern)) for pattern in PARTS)

@@ -12,7 +12,7 @@ def test_each_warning_stands_once_in_the_order_they_first_came() -> None:
     tally = Tally(TOPICS)
     for text in ("first", "second", "first", "third", "first"):
         tally.take(Warned(0, text))
-    assert tally.warnings == ["first (3 times)", "second", "third"]
+    assert tally.warnings == ["first", "second", "third", "3 times: first"]
 
 
 def test_different_warnings_are_so_many_at_most_and_so_long() -> None:
