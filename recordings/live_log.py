@@ -8,6 +8,7 @@ from pathlib import Path
 
 from wayfi.frontends.events import Event
 from wayfi.recordings.log_process import LogProcess, LogProcessError, Part
+from wayfi.recordings.parts import SESSION, next_part
 from wayfi.recordings.rerun_config import RerunConfig
 
 SEND_S = 0.2
@@ -43,10 +44,9 @@ class LiveLog:
 
     def begin(self, history: Sequence[Event]) -> None:
         """Begin the next part, in which `history` is shown first."""
-        number = 1 + len(list(self._folder.glob("session_*.rrd")))
-        self._path = self._folder / f"session_{number:04d}.rrd"
+        self._path = next_part(self._folder, SESSION)
         served = self._process is not None or self._is_port_free()
-        part = Part(self._config, self._path, f"wayfi-{self._folder.name}-{number:04d}", served, history)
+        part = Part(self._config, self._path, f"wayfi-{self._folder.name}-{self._path.stem}", served, history)
         self._full = False
         with self._guarded():
             if self._process is None:

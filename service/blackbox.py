@@ -11,6 +11,7 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.calibration_file import calibration_toml
 from wayfi.recordings.mcap_log import BLACKBOX_PROFILE, McapWriter
 from wayfi.recordings.messages import TYPE_OF_SENSOR
+from wayfi.recordings.parts import BLACKBOX, next_part
 from wayfi.service.config import Config, config_toml
 from wayfi.service.disk import MIB
 from wayfi.service.marks import MARKS_TOPIC, Mark
@@ -19,11 +20,6 @@ from wayfi.service.queues import Received
 CONFIG = "config.toml"
 CALIBRATION = "calibration.toml"
 FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a step that takes long
-
-
-def blackbox_parts(folder: Path) -> list[Path]:
-    """The parts of a run's black box, oldest first."""
-    return sorted(folder.glob("blackbox_*.mcap"), key=lambda path: (len(path.name), path.name))
 
 
 class BlackBox:
@@ -94,9 +90,7 @@ class BlackBox:
             self._writer.close()
 
     def _begin(self) -> None:
-        parts = blackbox_parts(self._folder)
-        number = 1 + (int(parts[-1].stem.split("_")[1]) if parts else 0)
-        self._writer = McapWriter(self._folder / f"blackbox_{number:04d}.mcap", BLACKBOX_PROFILE)
+        self._writer = McapWriter(next_part(self._folder, BLACKBOX), BLACKBOX_PROFILE)
         for name, text in self._attached.items():
             self._writer.attach(name, text.encode(), "application/toml")
         self._begun_s = time.monotonic()

@@ -1,11 +1,12 @@
 """The disk under the runs: a budget for what is recorded, and room that is left to others."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
+from wayfi.recordings.parts import BLACKBOX, SESSION, parts_of
+
 MIB = 1 << 20
-PARTS = ("blackbox_*.mcap", "session_*.rrd")
+KINDS = (BLACKBOX, SESSION)
 
 
 def free_mb(directory: Path) -> float:
@@ -18,20 +19,14 @@ def keep_budget(directory: Path, current: Path, budget_mb: float) -> list[Path]:
 
     Of the run in `current` its newest part of each kind stays.
     """
+    files = {path: path.stat() for kind in KINDS for path in directory.glob(f"*/{kind[0]}_*{kind[1]}")}
+    newest = {path for kind in KINDS for path in parts_of(current, kind)[-1:]}
+    over = sum(file.st_size for file in files.values()) - budget_mb * MIB
     deleted = []
-    sizes = {path: path.stat().st_size for path in _parts(directory)}
-    newest = {max(current.glob(pattern), default=None) for pattern in PARTS}
-    over = sum(sizes.values()) - budget_mb * MIB
-    for path in sorted(sizes, key=lambda path: (path.parent.name, path.name)):
+    for path in sorted(files.keys() - newest, key=lambda path: (files[path].st_mtime_ns, path)):
         if over <= 0:
             break
-        if path not in newest:
-            path.unlink()
-            over -= sizes[path]
-            deleted.append(path)
+        path.unlink()
+        over -= files[path].st_size
+        deleted.append(path)
     return deleted
-
-
-def _parts(directory: Path) -> Iterator[Path]:
-    for pattern in PARTS:
-        yield from directory.glob(f"*/{pattern}")

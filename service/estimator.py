@@ -15,7 +15,7 @@ from typing import Any
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
 from wayfi.recordings.live_log import LiveLog
-from wayfi.service.blackbox import blackbox_parts
+from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import write_checkpoint
 from wayfi.service.estimator_messages import Finish, News, Ready, Save, Start, Written
 from wayfi.service.live_drive import LiveDrive
@@ -117,7 +117,7 @@ class Estimator:
             drive.tally.drop_many(topic, reasons)
         seconds = time.monotonic() - self._begun_s
         try:
-            source = Source(seconds, seconds, hash_of(blackbox_parts(self._folder)), [])
+            source = Source(seconds, seconds, hash_of(parts_of(self._folder, BLACKBOX)), [])
             write_results(self._folder, drive, result, source, extra)
         except (OSError, WayfiError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else error

@@ -6,7 +6,7 @@ from pathlib import Path
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap_log import Record, RecordingError, open_recording
-from wayfi.service.blackbox import blackbox_parts
+from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
 from wayfi.service.live_drive import LiveDrive
@@ -19,7 +19,7 @@ def recovered(folder: Path, config: Config, calibration: Calibration | None, log
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
     if checkpoint is None or records is None:
-        live, records = LiveDrive(config, calibration, NullLog()), _records(blackbox_parts(folder))
+        live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
     else:
         live = LiveDrive.restored(checkpoint.drive, NullLog())
     player = BlackBoxPlayer(live)
@@ -31,7 +31,7 @@ def recovered(folder: Path, config: Config, calibration: Calibration | None, log
 
 def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
     """The records after the checkpoint's mark; None where the black box does not hold it."""
-    parts = blackbox_parts(folder)
+    parts = parts_of(folder, BLACKBOX)
     for k in range(len(parts) - 1, -1, -1):
         records = _records(parts[k:])
         for record in _records(parts[k : k + 1]):

@@ -10,7 +10,7 @@ from pathlib import Path
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.calibration_file import calibration_toml
-from wayfi.service.blackbox import blackbox_parts
+from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive import topics_of
@@ -62,7 +62,7 @@ def open_run_folder(config: Config, calibration: Calibration | None, fresh: bool
 
 
 def _unfinished(directory: Path, settings: str) -> RunFolder | None:
-    runs = sorted(path for path in directory.iterdir() if path.is_dir() and blackbox_parts(path))
+    runs = sorted(path for path in directory.iterdir() if path.is_dir() and parts_of(path, BLACKBOX))
     if not runs or not (runs[-1] / RUNNING).exists():
         return None
     if (runs[-1] / RUNNING).read_text() != settings:
@@ -70,7 +70,7 @@ def _unfinished(directory: Path, settings: str) -> RunFolder | None:
     lock = _lock(runs[-1])
     if lock is None:
         return None
-    away_s = max(0.0, time.time() - max(part.stat().st_mtime for part in blackbox_parts(runs[-1])))
+    away_s = max(0.0, time.time() - max(part.stat().st_mtime for part in parts_of(runs[-1], BLACKBOX)))
     return RunFolder(runs[-1], away_s, lock)
 
 

@@ -36,10 +36,11 @@ from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
 from wayfi.frontends.timebase import LASTING_MESSAGES
 from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.parts import parts_of
 from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.tum import read_tum
-from wayfi.service.disk import MIB, PARTS, keep_budget
+from wayfi.service.disk import KINDS, MIB, keep_budget
 from wayfi.service.estimation import CHECKPOINT_EVERY
 from wayfi.service.queues import QueueDrop
 from wayfi.service.tally import merged
@@ -266,7 +267,7 @@ def test_many_parts_and_a_budget(tmp_path: Path) -> None:
         daemon.publish(recording, RATE / 3)
         assert daemon.stop() == 0, daemon.stderr
     assert not list(older.iterdir())
-    parts, sessions = (sorted(daemon.folder.glob(pattern)) for pattern in PARTS)
+    parts, sessions = (parts_of(daemon.folder, kind) for kind in KINDS)
     assert len(parts) > 2
     assert len(sessions) > 1
     for session in sessions:

@@ -1,0 +1,21 @@
+"""Files in numbered parts: blackbox_0001.mcap, blackbox_0002.mcap, ..., of which the oldest may have been deleted."""
+
+from pathlib import Path
+
+BLACKBOX = ("blackbox", ".mcap")
+SESSION = ("session", ".rrd")
+Kind = tuple[str, str]
+
+
+def parts_of(folder: Path, kind: Kind) -> list[Path]:
+    """The parts of a kind in `folder`, oldest first."""
+    stem, suffix = kind
+    return sorted(folder.glob(f"{stem}_*{suffix}"), key=lambda path: (len(path.name), path.name))
+
+
+def next_part(folder: Path, kind: Kind) -> Path:
+    """Where the part after the newest belongs."""
+    stem, suffix = kind
+    numbers = [path.stem.removeprefix(f"{stem}_") for path in parts_of(folder, kind)]
+    newest = max((int(number) for number in numbers if number.isdecimal()), default=0)
+    return folder / f"{stem}_{newest + 1:04d}{suffix}"
