@@ -53,7 +53,7 @@ RERUN = Path(rerun_cli.__file__).with_name("rerun")  # not the script that start
 GROWTH_MB = 100  # of which 16 MiB are kept for viewers that come late
 BUDGET_MB = 20
 KILLED_S = 1.0
-HOLES_M = 0.05
+HOLES_M = 0.1  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
 JUMP_S = 10.0
 
 
@@ -304,7 +304,7 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with routing(endpoint), running(tmp_path / "runs", router=endpoint) as daemon:
         daemon.collect("wayfi/pose")
-        robot = Robot(daemon, recording, 4.0)
+        robot = Robot(daemon, recording, 2.0)
         robot.start()
         kills = [kill_after(daemon, chance.uniform(1.0, 3.0)) for _ in range(3)]
         robot.finish()
