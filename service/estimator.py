@@ -14,11 +14,11 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
-from wayfi.recordings.live_log import LiveLog
 from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import write_checkpoint
 from wayfi.service.estimator_messages import Finish, News, Ready, Save, Start, Written
 from wayfi.service.live_drive import LiveDrive
+from wayfi.service.live_log import LiveLog
 from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.output_messages import map_message
 from wayfi.service.queues import Received
@@ -45,7 +45,7 @@ class Estimator:
         self._drops_told = 0
         self._log = LiveLog(start.config.rerun, start.folder, self._complaints.append)
         self._live = self._begin(start)
-        self._log.begin(self._live.drive.history())
+        self._begin_part_if_due()
 
     def run(self) -> None:
         """Work until the end."""
@@ -96,6 +96,9 @@ class Estimator:
 
     def _show(self, events: list[Event]) -> None:
         self._live.drive.show(events)
+        self._begin_part_if_due()
+
+    def _begin_part_if_due(self) -> None:
         if self._log.due:
             self._log.begin(self._live.drive.history())
 

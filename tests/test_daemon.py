@@ -246,6 +246,12 @@ def test_a_stop_at_once_leaves_every_file(tmp_path: Path) -> None:
         assert {path.name for path in daemon.folder.iterdir()} == FILES
 
 
+def test_without_rerun_there_is_no_log(tmp_path: Path) -> None:
+    with running(tmp_path / "runs", "rerun.enabled=false") as daemon:
+        assert daemon.stop() == 0, daemon.stderr
+        assert {path.name for path in daemon.folder.iterdir()} == FILES - {"session_0001.rrd"}
+
+
 def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))

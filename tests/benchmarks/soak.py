@@ -28,7 +28,7 @@ from wayfi.service.zenoh_session import UnreachableError, open_guest_session
 matplotlib.use("Agg")
 CLI = [sys.executable, "-m", "wayfi.service.cli"]
 PERIOD_S = 5.0
-GROWTH_MB = 20.0  # of the daemon's own process over all that follows the first drives
+GROWTH_MB = 20.0  # of the daemon's own process
 SETTLED_DRIVES = 2
 SLOWER = 2.0
 
@@ -132,10 +132,13 @@ def _memory_mb(pid: int) -> dict[str, float]:
 
 
 def growth_mb(looks: list[Look]) -> float:
-    """By how much the daemon's own process grew after the first drives: the last drive's median less the first's."""
-    by_drive = {n: np.median([x.daemon_mb for x in looks if x.drive == n]) for n in {x.drive for x in looks}}
-    settled = [mb for n, mb in sorted(by_drive.items()) if n > SETTLED_DRIVES]
-    return float(settled[-1] - settled[0]) if settled else 0.0
+    """By how much the most that the daemon's own process took grew, from the first third of the drives to the last.
+
+    The first `SETTLED_DRIVES` do not count. What it takes goes up and down: two single drives say nothing.
+    """
+    by_drive = [[x.daemon_mb for x in looks if x.drive == n] for n in sorted({x.drive for x in looks})]
+    thirds = np.array_split(np.array([np.median(mb) for mb in by_drive[SETTLED_DRIVES:]]), 3)
+    return float(thirds[-1].max() - thirds[0].max()) if len(thirds[-1]) else 0.0
 
 
 def slower(looks: list[Look]) -> float:
