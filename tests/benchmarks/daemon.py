@@ -1,16 +1,20 @@
 """`wayfi run` under a drive that is published: what is dropped, how late a pose is, whether the black box replays.
 
-    python tests/benchmarks/daemon.py [--minutes M] [--rates R ...]     at multiples of real time, live Rerun log on
+    python tests/benchmarks/daemon.py [--minutes M] [--rates R ...]     at multiples of real time, a viewer drawing it
     python tests/benchmarks/daemon.py --kills N [--seed S]              kill -9 at random moments
 
-The drive is a simulated car park's.
+The drive is a simulated car park's. The viewer is Rerun's own without a window; without a graphics card it needs a
+software renderer of Vulkan (mesa-vulkan-drivers).
 """
 
 import argparse
 import random
+import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -42,21 +46,37 @@ def main() -> None:
         else:
             drive = simulated(World.CARPARK, arguments.minutes)
             recording = write(folder / "recording.mcap", drive.arrivals)
-            say("rate", "messages", "dropped", "p50 ms", "p99 ms", "max ms", "replays alike")
+            say("rate", "messages", "dropped", "closures checked", "p50 ms", "p99 ms", "max ms", "replays alike")
             for rate in arguments.rates:
                 say_rate(folder / f"{rate:g}", recording, rate)
 
 
 def say_rate(folder: Path, recording: Path, rate: float) -> None:
     """One line of the table."""
-    with running(folder / "runs") as daemon:
+    with running(folder / "runs") as daemon, drawing(daemon.rerun_port):
         daemon.publish(recording, rate)
         stopped(daemon)
     report = report_of(daemon.folder)
     dropped = ", ".join(f"{topic} {n} {why}" for topic, whys in report["dropped"].items() for why, n in whys.items())
     latencies = [f"{report['latency'][name]:.1f}" for name in ("p50_ms", "p99_ms", "max_ms")]
+    with (daemon.folder / "closures.csv").open() as lines:
+        closures = str(sum(1 for _ in lines) - 1)
     alike = "yes" if replays_alike(daemon.folder, folder / "replayed") else "NO"
-    say(f"{rate:g}", str(sum(report["messages"].values())), dropped or "nothing", *latencies, alike)
+    say(f"{rate:g}", str(sum(report["messages"].values())), dropped or "nothing", closures, *latencies, alike)
+
+
+@contextmanager
+def drawing(port: int) -> Iterator[None]:
+    """A viewer of the live log, drawing all the while."""
+    command = ["rerun", "--headless", "--port", str(free_port()), "--connect", f"rerun+http://127.0.0.1:{port}/proxy"]
+    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield
+        if viewer.poll() is not None:
+            sys.exit(f"the viewer ended with {viewer.returncode}: {' '.join(command)}")
+    finally:
+        viewer.terminate()
+        viewer.wait()
 
 
 def say_kills(folder: Path, drive: Simulated, arguments: argparse.Namespace) -> None:
