@@ -12,62 +12,12 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from wayfi.backend.errors import WayfiError
-from wayfi.backend.factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
-from wayfi.backend.options import option
+from wayfi.backend.backend_config import BackendConfig
+from wayfi.backend.factors import Factor, FactorError, Near, Wheels, closes_loop, validate
+from wayfi.backend.gtsam_factors import CALIBRATION, calibrated_factor, gtsam_factor, in_b, origin_factor, pose_key
+from wayfi.backend.isam import fresh_isam
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
-from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
-
-
-class FactorError(WayfiError):
-    """A factor that would have poisoned the graph."""
-
-
-@dataclass(frozen=True)
-class BackendConfig:
-    """The back end's settings."""
-
-    relinearize_m: float = option(1.0, "m", "a relative pose is linear in places: only turning makes them matter")
-    relinearize_rad: float = option(0.05, "rad", "half a metre of step is then off by less than a millimetre")
-    relinearize_calibration: float = option(0.02, "1, rad/m or rad/s", "the wheel factor is nearly linear in it")
-    leap_m: float = option(1.0, "m", "a closure further off than this leaves the basin of a Gauss-Newton step")
-    settle_updates: int = option(5, "", "at the end of a drive: what the last closures moved is relinearised")
-    uncertain_sigma_m: float = option(1.0, "m", "above it the pose says which room, not where in it")
-    lost_sigma_m: float = option(10.0, "m", "above it the pose says nothing of use to a planner")
-
-
-@dataclass(frozen=True, slots=True)
-class Between:
-    """A relative-pose constraint: T_a_b with its (3, 3) covariance in (x, y, theta) of a, m and rad."""
-
-    a: int
-    b: int
-    T_a_b: Pose2
-    covariance: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Wheels:
-    """What the wheels said between keyframes a and b, with the (3, 3) covariance of its random part."""
-
-    a: int
-    b: int
-    motion: WheelMotion
-    covariance: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Near:
-    """`place_a` (2,) m in keyframe a and `place_b` (2,) m in keyframe b are one place, to `sigma_m` along each axis."""
-
-    a: int
-    b: int
-    place_a: Floats
-    place_b: Floats
-    sigma_m: float
-
-
-Factor = Between | Wheels | Near
+from wayfi.backend.wheel_calibration import WheelCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +49,7 @@ class PoseGraph:
         self._settled: Floats = np.zeros((1, 3))
         self._stale = False
         self._guesses: list[Pose2] = []
-        self._isam = self._fresh_isam()
+        self._begin_isam(self._prior.values)
 
     def add_keyframe(self, guess: Pose2) -> int:
         """A new keyframe near `guess` in `map`; returns its number. Raises FactorError if the guess is not finite."""
@@ -112,7 +62,7 @@ class PoseGraph:
 
     def add(self, factor: Factor) -> int:
         """Queue a factor; returns its number. Raises FactorError if it could not be estimated with."""
-        self._validate(factor)
+        validate(factor, self.keyframes)
         number, self._next = self._next, self._next + 1
         self._factors[number] = factor
         self._queued.append(number)
@@ -163,7 +113,7 @@ class PoseGraph:
     def pending(self) -> bool:
         """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
         changes = bool(self._removed) or self._restart is not None
-        return changes or any(self._closes_loop(self._factors[n]) for n in self._queued)
+        return changes or any(closes_loop(self._factors[n]) for n in self._queued)
 
     @property
     def restarts(self) -> bool:
@@ -187,7 +137,7 @@ class PoseGraph:
         """iSAM2 starts again from the estimate; what was about to change it waits for the next update as before."""
         estimate = state.pop("estimate")
         vars(self).update(state)
-        self._isam = self._fresh_isam()
+        self._begin_isam(self._prior.values)
         if estimate is None:
             return
         queued, removed, restart = self._queued, self._removed, self._restart
@@ -204,14 +154,14 @@ class PoseGraph:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.addPriorVector(CALIBRATION, calibration, gtsam.noiseModel.Isotropic.Sigma(4, 1e-6))
         values.insert(CALIBRATION, calibration)
-        graph.add(_origin())
+        graph.add(origin_factor())
         for keyframe, (x, y, theta) in enumerate(poses):
             values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
         numbers = list(self._factors if numbers is None else numbers)
         for number in numbers:
-            graph.add(_calibrated_factor(self._factors[number], calibration))
+            graph.add(calibrated_factor(self._factors[number], calibration))
         solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-        self._isam = self._fresh_isam(calibration)
+        self._begin_isam(calibration)
         self._queued = list(numbers)
         self._slots, self._removed, self._restart = {}, [], None
         self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
@@ -223,11 +173,11 @@ class PoseGraph:
     def _step(self) -> None:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for number in self._queued:
-            graph.add(_gtsam_factor(self._factors[number]))
+            graph.add(gtsam_factor(self._factors[number]))
         for keyframe, guess in self._queued_poses.items():
             values.insert(pose_key(keyframe), gtsam.Pose2(guess.x, guess.y, guess.theta))
             if keyframe == 0:
-                graph.add(_origin())
+                graph.add(origin_factor())
         result = self._isam.update(graph, values, self._removed)
         self._slots.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
         self._queued, self._queued_poses, self._removed = [], {}, []
@@ -246,7 +196,7 @@ class PoseGraph:
 
     def _disagreement(self, factor: Factor) -> float:
         """How far (m) a closure is from the estimate, beyond three sigmas of it; 0 for a factor that closes none."""
-        if not self._closes_loop(factor) or isinstance(factor, Wheels):
+        if not closes_loop(factor) or isinstance(factor, Wheels):
             return 0.0
         T_map_a, T_map_b = self.pose(factor.a), self.pose(factor.b)
         if isinstance(factor, Near):
@@ -254,10 +204,6 @@ class PoseGraph:
             return math.hypot(bx - ax, by - ay) - 3 * factor.sigma_m
         apart = T_map_a.between(T_map_b).distance(factor.T_a_b)
         return apart - 3 * math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
-
-    @staticmethod
-    def _closes_loop(factor: Factor) -> bool:
-        return isinstance(factor, Near) or (isinstance(factor, Between) and abs(factor.a - factor.b) > 1)
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated now."""
@@ -309,64 +255,10 @@ class PoseGraph:
         """Every factor by its number, queued ones included."""
         return dict(self._factors)
 
-    def _fresh_isam(self, calibration: Floats | None = None) -> gtsam.ISAM2:
-        params = gtsam.ISAM2Params()
-        thresholds = gtsam.ISAM2ThresholdMap()
-        pose_threshold = np.array(
-            [self._config.relinearize_m, self._config.relinearize_m, self._config.relinearize_rad]
-        )
-        thresholds.insert(("x", pose_threshold))
-        thresholds.insert(("c", np.full(4, self._config.relinearize_calibration)))
-        params.setRelinearizeThreshold(thresholds)
-        params.setFactorization("QR")  # Cholesky breaks down over long chains of wheels with one loose calibration
-        params.relinearizeSkip = 1
-        params.enablePartialRelinearizationCheck = True
-        isam = gtsam.ISAM2(params)
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        noise = gtsam.noiseModel.Diagonal.Sigmas(self._prior.sigmas)
-        graph.addPriorVector(CALIBRATION, self._prior.values, noise)
-        values.insert(CALIBRATION, self._prior.values if calibration is None else calibration)
-        isam.update(graph, values)
-        self._held = isam.getLinearizationPoint()  # while Python holds it, gtsam's calls into Python do not copy it
-        return isam
-
-    def _validate(self, factor: Factor) -> None:
-        name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
-        if not (0 <= factor.a < self.keyframes and 0 <= factor.b < self.keyframes) or factor.a == factor.b:
-            raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {self.keyframes})")
-        if isinstance(factor, Near):
-            if not (np.isfinite([*factor.place_a, *factor.place_b]).all() and 0 < factor.sigma_m < math.inf):
-                raise FactorError(f"{name}: its places must be finite, and its sigma finite and above zero")
-            return
-        pose = factor.T_a_b if isinstance(factor, Between) else factor.motion.pose
-        way = (0.0, 0.0) if isinstance(factor, Between) else (factor.motion.path_m, factor.motion.seconds)
-        if not pose.is_finite() or not np.isfinite(way).all() or not np.isfinite(factor.covariance).all():
-            raise FactorError(f"{name}: its pose, path, time and covariance must be finite")
-        if factor.covariance.shape != (3, 3) or not np.allclose(factor.covariance, factor.covariance.T, rtol=1e-6):
-            raise FactorError(f"{name}: its covariance must be a symmetric 3 x 3 matrix")
-        if np.linalg.eigvalsh(factor.covariance)[0] <= 0:
-            raise FactorError(f"{name}: its covariance must be positive definite")
+    def _begin_isam(self, calibration: Floats) -> None:
+        self._isam = fresh_isam(self._config, self._prior, calibration)
+        self._held = self._isam.getLinearizationPoint()  # while Python holds it, gtsam's calls into it copy nothing
 
 
 def _pose2(pose: gtsam.Pose2) -> Pose2:
     return Pose2(pose.x(), pose.y(), pose.theta())
-
-
-def _origin() -> gtsam.NonlinearFactor:
-    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-4, 1e-4, 1e-4]))
-    return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(), noise)
-
-
-def _gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
-    if isinstance(factor, Between):
-        return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
-    if isinstance(factor, Near):
-        return near_factor(factor.a, factor.b, factor.place_a, factor.place_b, factor.sigma_m)
-    return wheel_factor(factor.a, factor.b, factor.motion, factor.covariance)
-
-
-def _calibrated_factor(factor: Factor, calibration: Floats) -> gtsam.NonlinearFactor:
-    """The factor when the calibration (4,) is known: gtsam's own, which is many times faster, for the wheels."""
-    if isinstance(factor, Wheels):
-        return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
-    return _gtsam_factor(factor)

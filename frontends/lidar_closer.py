@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wayfi.backend.factors import Between
 from wayfi.backend.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.backend.pose_graph import Between, PoseGraph
+from wayfi.backend.pose_graph import PoseGraph
 from wayfi.frontends.closure import (
     Check,
     ClosureConfig,

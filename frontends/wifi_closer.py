@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.factors import Near
 from wayfi.backend.pose2 import Floats, Pose2, meeting
-from wayfi.backend.pose_graph import Near, PoseGraph
+from wayfi.backend.pose_graph import PoseGraph
 from wayfi.backend.wheel_calibration import WheelCalibration
 from wayfi.frontends.consensus import (
     ConsensusConfig,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.factors import in_b
+from wayfi.backend.factors import Between, Factor, Near
+from wayfi.backend.gtsam_factors import in_b
 from wayfi.backend.pose2 import Floats, Pose2, meeting
-from wayfi.backend.pose_graph import Between, Factor, Near
 from wayfi.recordings.files import write_text
 
 

@@ -1,11 +1,10 @@
 """Writing MCAP: the same calls give the same bytes."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from mcap.writer import CompressionType, Writer
 
+from wayfi.recordings.closing import Closing
 from wayfi.recordings.mcap_blocks import RecordingError
 from wayfi.recordings.messages import schema_text
 from wayfi.recordings.topics import Encoding
@@ -13,7 +12,7 @@ from wayfi.recordings.topics import Encoding
 CHUNK_BYTES = 1 << 20
 
 
-class McapWriter:
+class McapWriter(Closing):
     """Writes an MCAP file at `path` in ZSTD chunks of 1 MiB; a context manager.
 
     What is written since the last chunk ended or `flush` was called is lost when the process is killed. Raises
@@ -30,14 +29,6 @@ class McapWriter:
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[tuple[str, str, str], int] = {}
         self._sequences: dict[int, int] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def size_bytes(self) -> int:

@@ -3,18 +3,18 @@
 import time
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.calibration_file import calibration_toml
+from wayfi.recordings.closing import Closing
 from wayfi.recordings.mcap_log import BLACKBOX_PROFILE, McapWriter
 from wayfi.recordings.messages import TYPE_OF_SENSOR
 from wayfi.recordings.parts import BLACKBOX, next_part
+from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.service.config import Config, config_toml
 from wayfi.service.disk import MIB
-from wayfi.service.marks import MARKS_TOPIC, Mark
+from wayfi.service.marks import Mark
 from wayfi.service.queues import Received
 
 CONFIG = "config.toml"
@@ -22,7 +22,7 @@ CALIBRATION = "calibration.toml"
 FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a step that takes long
 
 
-class BlackBox:
+class BlackBox(Closing):
     """Writes `folder`/blackbox_0001.mcap, 0002, ..., each with the configuration and the calibration in it.
 
     A message's log time is the wall clock's when it was received, without the clock's own jumps. What raises OSError or
@@ -40,14 +40,6 @@ class BlackBox:
         if calibration is not None:
             self._attached[CALIBRATION] = calibration_toml(calibration)
         self._begin()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def write(self, item: Received | Mark) -> None:
         """Add a message that is about to be fed, or what is about to be done between two of them."""

@@ -5,11 +5,10 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from enum import StrEnum
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
+from wayfi.recordings.closing import Closing
 from wayfi.service.config import ZenohConfig
 from wayfi.service.zenoh_session import key_of
 
@@ -44,7 +43,7 @@ class Command:
             )
 
 
-class Commands:
+class Commands(Closing):
     """Collects commands, at most `MOST_WAITING`, and calls `wake` for each; a context manager. Raises ZenohError."""
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, wake: Callable[[], None]) -> None:
@@ -56,12 +55,8 @@ class Commands:
                 opened.enter_context(session.declare_queryable(key, self._taker(name)))
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Answer what still waits that the daemon is stopping."""
         self._opened.close()
         for command in self.take():
             command.answer(False, "the daemon is stopping")

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from wayfi.backend.backend_config import BackendConfig
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.grid_map import MapConfig
 from wayfi.backend.options import option
-from wayfi.backend.pose_graph import BackendConfig
 from wayfi.frontends.closure import ClosureConfig
 from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.odometry import OdometryConfig

@@ -2,11 +2,10 @@
 
 import socket
 import threading
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
+from wayfi.recordings.closing import Closing
 from wayfi.service.config import ZenohConfig
 from wayfi.service.log_lines import LogLines
 from wayfi.service.zenoh_session import address_of, refused_at
@@ -14,8 +13,8 @@ from wayfi.service.zenoh_session import address_of, refused_at
 PERIOD_S = 2.0
 
 
-class ConnectionWatch:
-    """While entered, looks every two seconds whether a session has a link to any of `config.connect`."""
+class ConnectionWatch(Closing):
+    """Looks every two seconds whether a session has a link to any of `config.connect`; a context manager."""
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, log: LogLines) -> None:
         self._session = session
@@ -24,15 +23,11 @@ class ConnectionWatch:
         self._said = ""
         self._left = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="connection watch", daemon=True)
-
-    def __enter__(self) -> Self:
-        if self._config.connect:
+        if config.connect:
             self._thread.start()
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Stop looking."""
         self._left.set()
         if self._thread.is_alive():
             self._thread.join()

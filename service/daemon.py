@@ -1,7 +1,6 @@
 """The daemon: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
 
 import time
-from collections import deque
 from contextlib import ExitStack
 
 import zenoh
@@ -14,11 +13,12 @@ from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.backlog import Backlog
 from wayfi.service.blackbox import BlackBox
-from wayfi.service.commands import Command, Commands, Name
+from wayfi.service.command_handler import CommandHandler
+from wayfi.service.commands import Commands
 from wayfi.service.config import Config
 from wayfi.service.drive import topics_of
 from wayfi.service.estimation import Estimation
-from wayfi.service.estimator_messages import Finish, News, Ready, Request, Save, Start, Written
+from wayfi.service.estimator_messages import Finish, News, Ready, Start, Written
 from wayfi.service.live_drive import live_pose
 from wayfi.service.live_pose import Estimate
 from wayfi.service.log_lines import LogLines
@@ -68,9 +68,7 @@ class Daemon:
         self._published_ns = -1
         self._written: Written | None = None
         self._finishing = False
-        self._paused = False
-        self._is_over = False
-        self._saving: deque[Command] = deque()
+        self._handler = CommandHandler(folder, self._backlog, log)
         self._recorder = Recorder(self._open_blackbox, folder.path, config.recording, self._complain)
         self._estimation = self._begin(folder.away_s)
 
@@ -87,13 +85,14 @@ class Daemon:
                 self._step()
             if not self._folder.resumes:
                 subscribed.enter_context(self._subscribers())
-            self._commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
+            commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
             subscribed.enter_context(self._publishers.announce())
             self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
             self._manager.ready(f"run in {self._folder.path}")
-            while not stop.requested and not self._is_over:
+            while not stop.requested and not self._handler.reset:
                 self._step()
-                self._obey_all()
+                for command in commands.take():
+                    self._handler.obey(command)
             subscribed.close()
             if stop.requested:
                 self._manager.stopping()
@@ -135,7 +134,7 @@ class Daemon:
 
     def _take(self, received: Received) -> None:
         """Publish the pose of an odometry message, and let the estimation have every message."""
-        if self._paused:
+        if self._handler.paused:
             self._backlog.refuse(received.sensor, QueueDrop.PAUSED)
             return
         if received.sensor is Sensor.ODOM:
@@ -218,48 +217,13 @@ class Daemon:
         """The estimation has ended by itself: another goes on from the last checkpoint."""
         self._complain("the estimation ended unexpectedly and is started again from its last checkpoint")
         self._estimation.close()
-        while self._saving:
-            self._saving.popleft().answer(False, "the estimation ended unexpectedly")
+        self._handler.give_up_saving("the estimation ended unexpectedly")
         self._recorder.flush()
         self._estimation = self._begin(0.0)
 
-    def _obey_all(self) -> None:
-        for command in self._commands.take():
-            self._log.info("command", name=command.name, argument=command.argument)
-            match command.name:
-                case Name.PAUSE | Name.RESUME:
-                    self._pause(command)
-                case Name.SAVE:
-                    self._saving.append(command)
-                    self._accept(command, Save())
-                case Name.RESET:
-                    self._is_over = True
-                    self._accept(command)
-                    command.answer(True, f"{self._folder.path} is being closed; a new run begins")
-                case Name.MODE:
-                    known = command.argument == "mapping"
-                    wrong = f"no mode {command.argument!r}: this daemon maps, and knows the mode 'mapping' alone"
-                    command.answer(known, "mapping" if known else wrong)
-
-    def _pause(self, command: Command) -> None:
-        paused = command.name is Name.PAUSE
-        if paused != self._paused:
-            self._paused = paused
-            self._accept(command)
-        command.answer(True, "paused: what comes in is dropped" if paused else "running")
-
-    def _accept(self, command: Command, request: Request | None = None) -> None:
-        """Put a command that changes something into the black box, and what it asks of the estimation after it."""
-        self._backlog.put(Mark(MarkKind.COMMAND, text=command.name))
-        if request is not None:
-            self._backlog.put(request)
-
     def _take_written(self, written: Written) -> None:
-        """The answer to the oldest that waits for one: a command to save, or the end."""
-        if not self._saving:
+        if not self._handler.take_written(written):
             self._written = written
-            return
-        self._saving.popleft().answer(not written.error, written.error or f"written to {self._folder.path}")
 
     def _complain(self, text: str) -> None:
         self._log.warning("warned", text=text)
@@ -268,7 +232,7 @@ class Daemon:
         dropped = merged(self._dropped, self._vitals.queue_drops())
         extra = {
             "run": self._folder.path,
-            "paused": str(self._paused).lower(),
+            "paused": str(self._handler.paused).lower(),
             "unpublished": self._publishers.unpublished,
             "unrecorded": self._recorder.unrecorded,
         }

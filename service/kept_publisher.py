@@ -1,16 +1,16 @@
 """A publisher whose last message is kept for those who come late."""
 
 from contextlib import ExitStack
-from types import TracebackType
-from typing import Self
 
 import zenoh
 from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
+from wayfi.recordings.closing import Closing
+
 HEARTBEAT_S = 0.5  # rmw_zenoh's own
 
 
-class KeptPublisher:
+class KeptPublisher(Closing):
     """Keeps its last message for subscribers that ask for history, and as the answer to a query; a context manager."""
 
     def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:
@@ -32,12 +32,8 @@ class KeptPublisher:
             opened.enter_context(session.declare_queryable(key, self._answer))
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Undeclare everything."""
         self._opened.close()
 
     def put(self, data: bytes, *, attachment: bytes | None = None) -> None:

@@ -5,8 +5,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from wayfi.backend.errors import WayfiError
-
-MARKS_TOPIC = "/wayfi/marks"
+from wayfi.recordings.topics import MARKS_TOPIC
 
 
 class MarkError(WayfiError):

@@ -2,13 +2,13 @@
 
 import threading
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
+
+from wayfi.recordings.closing import Closing
 
 LAST_S = 5.0
 
 
-class NewestOnly:
+class NewestOnly(Closing):
     """Calls `act` with the newest value that was put; a context manager, which at its end waits for the last."""
 
     def __init__(self, act: Callable[[bytes], None]) -> None:
@@ -19,12 +19,8 @@ class NewestOnly:
         self._thread = threading.Thread(target=self._run, name="newest only", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Wait for the last."""
         with self._changed:
             self._closed = True
             self._changed.notify()

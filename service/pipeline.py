@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.factors import Factor
 from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.backend.pose_graph import Factor
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.laser_watch import LaserWatch

@@ -3,10 +3,10 @@
 from typing import Protocol
 
 from wayfi.recordings.mcap_log import Record
-from wayfi.recordings.topics import Route, route
+from wayfi.recordings.topics import MARKS_TOPIC, Route, route
 from wayfi.service.drive import Drive
 from wayfi.service.live_drive import LiveDrive
-from wayfi.service.marks import MARKS_TOPIC, MarkError, parse_mark
+from wayfi.service.marks import MarkError, parse_mark
 
 
 class Player(Protocol):

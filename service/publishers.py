@@ -1,12 +1,11 @@
 """Zenoh out: pose and transform as they are known, the map kept for those who come late, the status."""
 
 from contextlib import ExitStack
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from wayfi.frontends.events import PosePublished
+from wayfi.recordings.closing import Closing
 from wayfi.recordings.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
 from wayfi.service.kept_publisher import KeptPublisher
@@ -19,7 +18,7 @@ CDR = zenoh.Encoding.APPLICATION_CDR
 ALIVE = "wayfi/alive"
 
 
-class Publishers:
+class Publishers(Closing):
     """Publishes; a context manager. Nothing here waits for a subscriber that is slow.
 
     `unpublished` counts the poses whose stamp no ROS time can hold.
@@ -40,12 +39,8 @@ class Publishers:
             self._maps = enter(NewestOnly(self._put_map))
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Undeclare everything."""
         self._opened.close()
 
     def announce(self) -> zenoh.LivelinessToken:

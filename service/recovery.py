@@ -7,10 +7,11 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap_log import Record, RecordingError, open_recording
 from wayfi.recordings.parts import BLACKBOX, parts_of
+from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.service.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
 from wayfi.service.live_drive import LiveDrive
-from wayfi.service.marks import MARKS_TOPIC, MarkError, MarkKind, parse_mark
+from wayfi.service.marks import MarkError, MarkKind, parse_mark
 from wayfi.service.players import BlackBoxPlayer
 
 

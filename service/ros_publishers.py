@@ -4,11 +4,11 @@ import itertools
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import zenoh
 
+from wayfi.recordings.closing import Closing
 from wayfi.recordings.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE
 from wayfi.service.config import ZenohConfig
 from wayfi.service.kept_publisher import KeptPublisher
@@ -22,7 +22,7 @@ MAP = RosTopic("map", OCCUPANCY_GRID, depth=1, kept=True)
 Put = Callable[..., Any]
 
 
-class RosPublishers:
+class RosPublishers(Closing):
     """Publishes to ROS 2 in the convention of `zenoh.ros`; nothing where that is "none". A context manager.
 
     To the bridge a topic's key is the same as wayfi's own, so that the pose is there already.
@@ -39,12 +39,8 @@ class RosPublishers:
                 self._open_for_rmw(opened)
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Undeclare everything."""
         self._opened.close()
 
     def put(self, topic: RosTopic, data: bytes) -> None:

@@ -7,11 +7,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.factors import Between
+from wayfi.backend.factors import Wheels as WheelFactor
 from wayfi.backend.grid_map import GridMap
 from wayfi.backend.health import Health, State, judge_health
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.backend.pose_graph import Between, PoseGraph, UpdateSummary
-from wayfi.backend.pose_graph import Wheels as WheelFactor
+from wayfi.backend.pose_graph import PoseGraph, UpdateSummary
 from wayfi.backend.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.cloud_odometry import CloudOdometry

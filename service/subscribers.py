@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import zenoh
 from zenoh.ext import AdvancedSubscriber, HistoryConfig, declare_advanced_subscriber
 
 from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.closing import Closing
 from wayfi.recordings.messages import TYPE_OF_SENSOR
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import ZenohConfig
@@ -20,7 +20,7 @@ SYNC = "wayfi/sync"
 KEPT_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
 
 
-class Subscribers:
+class Subscribers(Closing):
     """Subscribes to the `topics` of the sensors and fills `queues`; a context manager.
 
     A topic's own key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. Those of rmw_zenoh are
@@ -43,12 +43,8 @@ class Subscribers:
             opened.enter_context(session.declare_queryable(key_of(config, SYNC), _direct(_answer)))
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Undeclare everything."""
         self._opened.close()
 
     def _receiver(self, sensor: Sensor) -> Callable[[zenoh.Sample], None]:

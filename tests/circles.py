@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from wayfi.backend.backend_config import BackendConfig
+from wayfi.backend.factors import Wheels
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.backend.pose_graph import BackendConfig, PoseGraph, Wheels
+from wayfi.backend.pose_graph import PoseGraph
 from wayfi.frontends.fingerprints import Readings
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.odometry import OdometryConfig, PathPoint, calibration_prior, wheel_covariance

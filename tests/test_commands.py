@@ -11,8 +11,9 @@ from loopback import eventually
 from test_daemon import odometry
 
 from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.recordings.tum import read_tum
-from wayfi.service.marks import MARKS_TOPIC, Mark, MarkKind, parse_mark
+from wayfi.service.marks import Mark, MarkKind, parse_mark
 
 
 def asked(daemon: Running, name: str, parameters: str = "", payload: str | None = None) -> dict[str, Any]:

@@ -49,13 +49,12 @@ from wayfi.recordings.messages import (
 )
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
-from wayfi.recordings.topics import Encoding
+from wayfi.recordings.topics import MARKS_TOPIC, Encoding
 from wayfi.recordings.tum import read_tum
 from wayfi.service import publish
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config, ZenohConfig, load_config
 from wayfi.service.drive import topics_of
-from wayfi.service.marks import MARKS_TOPIC
 from wayfi.service.output_messages import map_message
 from wayfi.service.publish import PublishError, has_subscriber, publish_recording
 from wayfi.service.publishers import Publishers

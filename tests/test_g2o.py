@@ -6,10 +6,10 @@ import gtsam
 import numpy as np
 import pytest
 
-from wayfi.backend.factors import CALIBRATION as CALIBRATION_KEY
-from wayfi.backend.factors import between_factor, near_factor, pose_key
+from wayfi.backend.factors import Between, Factor, Near, Wheels
+from wayfi.backend.gtsam_factors import CALIBRATION as CALIBRATION_KEY
+from wayfi.backend.gtsam_factors import between_factor, near_factor, pose_key
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.backend.pose_graph import Between, Factor, Near, Wheels
 from wayfi.backend.wheel_calibration import WheelMotion
 from wayfi.recordings.g2o import write_g2o
 

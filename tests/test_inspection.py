@@ -37,6 +37,7 @@ def write(path: Path) -> Path:
             writer.write("/wifi", "", "json", at * SECOND_NS, data)
         writer.write("/chatter", "std_msgs/msg/String", "cdr", 0, b"\0\1\0\0")
         writer.write("/tf_static", "tf/tfMessage", "cdr", 0, b"\0\1\0\0")
+        writer.write("/wayfi/marks", "wayfi/Mark", "json", 0, b"{}")
         writer.write("/points", "", "protobuf", 2**64 - 1, b"")
     return path
 
@@ -68,6 +69,7 @@ def test_unused_topics_say_why(tmp_path: Path) -> None:
     assert "no sensor is configured" in why["/chatter"]
     assert "unknown type tf/tfMessage" in why["/tf_static"]
     assert "unknown encoding protobuf" in why["/points"]
+    assert "a replay does what the daemon did" in why["/wayfi/marks"]
     assert inspection.usable
 
 
@@ -88,7 +90,7 @@ def test_a_recording_without_odometry_and_scans_is_not_usable(tmp_path: Path) ->
 
 def test_the_dictionary_is_strict_json(tmp_path: Path) -> None:
     plain = inspect_recording(write(tmp_path / "a.mcap")).to_dict()
-    assert json.loads(json.dumps(plain, allow_nan=False))["message_count"] == 16
+    assert json.loads(json.dumps(plain, allow_nan=False))["message_count"] == 17
 
 
 def test_a_cut_file_is_inspected_with_its_warning(tmp_path: Path) -> None:

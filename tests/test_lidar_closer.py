@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from circles import Circles, S, drive
 
+from wayfi.backend.factors import Between
 from wayfi.backend.pose2 import Pose2
-from wayfi.backend.pose_graph import Between
 from wayfi.frontends.closure import ClosureConfig
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.lidar import LidarConfig

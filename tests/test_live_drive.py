@@ -18,12 +18,13 @@ from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap_log import Record, open_recording
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.recordings.tum import read_tum
 from wayfi.service.checkpoint import read_checkpoint, write_checkpoint
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive
 from wayfi.service.live_drive import LiveDrive
-from wayfi.service.marks import MARKS_TOPIC, Mark, MarkKind
+from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.pipeline import Pipeline, Result
 from wayfi.service.players import BlackBoxPlayer, PlainPlayer
 

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wayfi.backend.backend_config import BackendConfig
+from wayfi.backend.factors import Between, Factor, FactorError, Near, Wheels
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all, wrap
-from wayfi.backend.pose_graph import BackendConfig, Between, Factor, FactorError, Near, PoseGraph, Wheels
+from wayfi.backend.pose_graph import PoseGraph
 from wayfi.backend.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.frontends.odometry import OdometryConfig, calibration_prior
 

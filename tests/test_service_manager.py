@@ -71,16 +71,32 @@ def test_without_a_watchdog_for_this_process_there_is_no_sign_of_life(
     assert waiting(listener) == []
 
 
-def test_without_a_manager_or_with_one_that_is_gone_nothing_happens(tmp_path: Path) -> None:
-    for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "gone"), "WATCHDOG_USEC": "3"}):
-        service = ServiceManager(environment)
-        service.ready("")
-        service.alive()
-        service.stopping()
+def test_without_a_manager_nothing_is_said(manager: Manager) -> None:
+    listener, _ = manager
+    service = ServiceManager({})
+    service.ready("")
+    service.alive()
+    service.stopping()
+    assert waiting(listener) == []
 
 
-def test_a_manager_that_reads_nothing_does_not_hold_us_up(manager: Manager) -> None:
-    _, environment = manager
+def test_a_manager_that_is_gone_is_told_again_once_it_is_back(tmp_path: Path) -> None:
+    path = str(tmp_path / "notify")
+    service = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3"})
+    service.ready("")
+    service.alive()
+    with closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as listener:
+        listener.bind(path)
+        service.status("TRACKING")
+        assert waiting(listener) == ["STATUS=TRACKING"]
+
+
+def test_a_manager_that_reads_nothing_holds_nobody_up_and_is_told_again_once_it_reads(manager: Manager) -> None:
+    listener, environment = manager
     service = ServiceManager(environment)
-    for _ in range(2000):
+    said = 2000
+    for _ in range(said):
         service.status("x" * 1000)
+    assert 0 < len(waiting(listener)) < said
+    service.status("TRACKING")
+    assert waiting(listener) == ["STATUS=TRACKING"]

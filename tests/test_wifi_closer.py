@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from circles import PRIOR, Circles, S, drive
 
+from wayfi.backend.factors import Between, Near
 from wayfi.backend.pose2 import Pose2
-from wayfi.backend.pose_graph import Between, Near
 from wayfi.frontends.consensus import ConsensusConfig
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.wifi import WifiCandidate, WifiConfig

@@ -9,17 +9,19 @@ software renderer of Vulkan (mesa-vulkan-drivers).
 
 import argparse
 import random
-import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from daemons import Robot, Running, error_m, free_port, kill_after, replays_alike, report_of, routing, running
+from daemons import Robot, Running, accepts, error_m, free_port, kill_after, replays_alike, report_of, routing, running
 from drives import Simulated, run, simulated, write
+from loopback import eventually
+from rerun.experimental import ViewerClient
 
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.simulation.worlds import World
@@ -27,6 +29,7 @@ from wayfi.recordings.simulation.worlds import World
 BETWEEN_KILLS_S = (1.0, 13.0)  # from when it was ready
 CYCLE_S = 11.0  # from one kill to the next, about
 LAST_MINUTES = 1.0
+BETWEEN_PICTURES_S = 0.5
 
 
 def main() -> None:
@@ -67,16 +70,25 @@ def say_rate(folder: Path, recording: Path, rate: float) -> None:
 
 @contextmanager
 def drawing(port: int) -> Iterator[None]:
-    """A viewer of the live log, drawing all the while."""
-    command = ["rerun", "--headless", "--port", str(free_port()), "--connect", f"rerun+http://127.0.0.1:{port}/proxy"]
-    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
+    """A viewer that draws the live log all the while."""
+    eventually(lambda: accepts(f"tcp/127.0.0.1:{port}"))
+    over = threading.Event()
+    with ViewerClient.spawn(headless=True, port=free_port(), hide_welcome_screen=True) as viewer:
+        viewer.open(f"rerun+http://127.0.0.1:{port}/proxy")
+        drawer = threading.Thread(target=draw, args=(viewer, over))
+        drawer.start()
         yield
-        if viewer.poll() is not None:
-            sys.exit(f"the viewer ended with {viewer.returncode}: {' '.join(command)}")
-    finally:
-        viewer.terminate()
-        viewer.wait()
+        over.set()
+        drawer.join()
+        if not viewer.get_state().active_recording:
+            sys.exit("the viewer has seen nothing")
+
+
+def draw(viewer: ViewerClient, over: threading.Event) -> None:
+    """A picture is what a viewer without a window draws for."""
+    with tempfile.TemporaryDirectory() as folder:
+        while not over.wait(BETWEEN_PICTURES_S):
+            viewer.save_screenshot(str(Path(folder) / "drawn.png"))
 
 
 def say_kills(folder: Path, drive: Simulated, arguments: argparse.Namespace) -> None:

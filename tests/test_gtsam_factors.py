@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from wayfi.backend.factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
+from wayfi.backend.gtsam_factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
 from wayfi.backend.pose2 import Floats, Pose2, meeting, wrap
 from wayfi.backend.wheel_calibration import WheelMotion
 
