@@ -96,7 +96,7 @@ def test_the_dictionary_is_strict_json(tmp_path: Path) -> None:
 def test_a_cut_file_is_inspected_with_its_warning(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap")
     path.write_bytes(path.read_bytes()[:-10])
-    assert inspect_recording(path).warnings == ("a.mcap is cut off after 16 messages; used what is complete",)
+    assert inspect_recording(path).warnings == ("a.mcap is cut off after 17 messages; used what is complete",)
 
 
 def test_nothing_to_inspect_is_an_error(tmp_path: Path) -> None:
