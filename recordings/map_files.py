@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from wayfi.backend.grid_map import MapConfig
 from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
+from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files import write_bytes, write_text
 from wayfi.recordings.map_picture import map_png
 
@@ -19,14 +20,17 @@ UNKNOWN = 128
 
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
     """Writes map.pgm, map.yaml and map.png into `directory`; `path_xy_m` (n, 2) m is drawn into the picture."""
-    write_bytes(directory / "map.pgm", _pgm(trinary(grid, config)))
-    write_text(directory / "map.yaml", _yaml(grid, config))
+    write_drawn(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
     write_bytes(directory / "map.png", map_png(grid, path_xy_m))
 
 
-def trinary(grid: OccupancyGrid, config: MapConfig) -> NDArray[np.uint8]:
-    """(rows, columns) OCCUPIED, FREE or UNKNOWN greys, row 0 at the lowest y."""
-    probability = grid.probability()
+def write_drawn(directory: Path, drawn: GridRedrawn, config: MapConfig) -> None:
+    """Writes map.pgm and map.yaml into `directory`. Raises OSError."""
+    write_bytes(directory / "map.pgm", _pgm(_greys(drawn.occupancy, config)))
+    write_text(directory / "map.yaml", _yaml(drawn, config))
+
+
+def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:
     greys = np.full(probability.shape, UNKNOWN, np.uint8)
     greys[probability >= config.occupied_probability] = OCCUPIED
     greys[probability <= config.free_probability] = FREE
@@ -39,12 +43,12 @@ def _pgm(greys: NDArray[np.uint8]) -> bytes:
     return f"P5\n{columns} {rows}\n255\n".encode() + greys[::-1].tobytes()
 
 
-def _yaml(grid: OccupancyGrid, config: MapConfig) -> str:
-    x, y = grid.origin_xy_m
+def _yaml(drawn: GridRedrawn, config: MapConfig) -> str:
+    x, y = drawn.origin_xy_m
     return (
         "image: map.pgm\n"
         "mode: trinary\n"
-        f"resolution: {grid.resolution_m!r}\n"
+        f"resolution: {drawn.resolution_m!r}\n"
         f"origin: [{x:.6f}, {y:.6f}, 0.0]\n"
         "negate: 0\n"
         f"occupied_thresh: {config.occupied_probability!r}\n"

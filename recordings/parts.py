@@ -13,9 +13,20 @@ def parts_of(folder: Path, kind: Kind) -> list[Path]:
     return sorted(folder.glob(f"{stem}_*{suffix}"), key=lambda path: (len(path.name), path.name))
 
 
+def begins_at_first(folder: Path, kind: Kind) -> bool:
+    """Whether the oldest part of a kind is the first there was, or there is none."""
+    parts = parts_of(folder, kind)
+    return not parts or parts[0] == _part(folder, kind, 1)
+
+
 def next_part(folder: Path, kind: Kind) -> Path:
     """Where the part after the newest belongs."""
-    stem, suffix = kind
+    stem, _ = kind
     numbers = [path.stem.removeprefix(f"{stem}_") for path in parts_of(folder, kind)]
     newest = max((int(number) for number in numbers if number.isdecimal()), default=0)
-    return folder / f"{stem}_{newest + 1:04d}{suffix}"
+    return _part(folder, kind, newest + 1)
+
+
+def _part(folder: Path, kind: Kind, number: int) -> Path:
+    stem, suffix = kind
+    return folder / f"{stem}_{number:04d}{suffix}"

@@ -4,7 +4,7 @@ from collections import deque
 
 from wayfi.service.backlog import Backlog
 from wayfi.service.commands import Command, Name
-from wayfi.service.estimator_messages import Save, Written
+from wayfi.service.estimator_messages import Save, Saved
 from wayfi.service.log_lines import LogLines
 from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.run_folder import RunFolder
@@ -40,12 +40,11 @@ class CommandHandler:
                 wrong = f"no mode {command.argument!r}: this daemon maps, and knows the mode 'mapping' alone"
                 command.answer(known, "mapping" if known else wrong)
 
-    def take_written(self, written: Written) -> bool:
-        """Answer the oldest command to save; False where none waits for it."""
-        if not self._saving:
-            return False
-        self._saving.popleft().answer(not written.error, written.error or f"written to {self._folder.path}")
-        return True
+    def take_saved(self, saved: Saved) -> None:
+        """Answer the oldest command to save."""
+        if self._saving:
+            error = saved.written.error
+            self._saving.popleft().answer(not error, error or f"written to {self._folder.path}")
 
     def give_up_saving(self, why: str) -> None:
         """Tell all that wait for their files that they will not come."""

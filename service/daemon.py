@@ -8,9 +8,7 @@ import zenoh
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
-from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.recordings.codec import decode
-from wayfi.recordings.codec_error import CodecError
+from wayfi.frontends.measurements import Sensor
 from wayfi.service.backlog import Backlog
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.command_handler import CommandHandler
@@ -18,9 +16,10 @@ from wayfi.service.commands import Commands
 from wayfi.service.config import Config
 from wayfi.service.drive import topics_of
 from wayfi.service.estimation import Estimation
-from wayfi.service.estimator_messages import Finish, News, Ready, Start, Written
+from wayfi.service.estimator_messages import Finish, News, Ready, Report, Saved, Start, Written
 from wayfi.service.live_drive import live_pose
-from wayfi.service.live_pose import Estimate
+from wayfi.service.live_pose import LivePose
+from wayfi.service.live_publisher import LivePublisher
 from wayfi.service.log_lines import LogLines
 from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.publishers import Publishers
@@ -36,6 +35,7 @@ from wayfi.service.vital_signs import VitalSigns
 IDLE_S = 0.1
 DRAIN_S = 3.0  # of the ten seconds between the signal and the last file
 FINISH_S = 60.0
+MOST_DEATHS = 2  # of the estimation, before one start of it comes through
 
 
 class DaemonError(WayfiError):
@@ -61,16 +61,15 @@ class Daemon:
         self._vitals = VitalSigns(self._topics, self._inbox, self._backlog)
         self._dropped: Drops = {}
         self._dropped_said: set[tuple[str, str]] = set()
-        self._live = live_pose(config, calibration)
         self._ready = False
-        self._estimate: Estimate | None = None
-        self._adopt_from_s = 0.0
-        self._published_ns = -1
         self._written: Written | None = None
         self._finishing = False
+        self._deaths = 0
+        self._is_lost = False
         self._handler = CommandHandler(folder, self._backlog, log)
         self._recorder = Recorder(self._open_blackbox, folder.path, config.recording, self._complain)
-        self._estimation = self._begin(folder.away_s)
+        self._away_s = folder.away_s
+        self._estimation = self._begin(folder.resumes)
 
     def run(self, stop: StopSignal) -> None:
         """Publish and estimate what comes until `stop` or a reset, then what still waits, and write every file."""
@@ -78,10 +77,11 @@ class Daemon:
             opened.callback(self._close_estimation)
             opened.callback(self._recorder.close)
             self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh))
+            self._live = LivePublisher(self._live_pose(), self._publishers, self._vitals)
             subscribed = opened.enter_context(ExitStack())
             if self._folder.resumes:
                 subscribed.enter_context(self._subscribers())
-            while not stop.requested and not self._ready:
+            while not self._is_over(stop) and not self._ready:
                 self._step()
             if not self._folder.resumes:
                 subscribed.enter_context(self._subscribers())
@@ -89,26 +89,32 @@ class Daemon:
             subscribed.enter_context(self._publishers.announce())
             self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
             self._manager.ready(f"run in {self._folder.path}")
-            while not stop.requested and not self._handler.reset:
+            while not self._is_over(stop):
                 self._step()
                 for command in commands.take():
                     self._handler.obey(command)
             subscribed.close()
             if stop.requested:
                 self._manager.stopping()
+            if self._is_lost:
+                self._folder.stopped()
+                return
             self._log.info("stopping", signal=stop.name or "reset", waiting=sum(self._inbox.depths().values()))
             self._finish()
 
-    def _begin(self, away_s: float | None) -> Estimation:
-        """Start the estimation, on the drive that is in the folder where the daemon was away."""
-        self._ready = False
-        self._estimate = None
-        self._away_s = away_s
-        start = Start(self._config, self._calibration, self._folder.path, away_s is not None)
+    def _is_over(self, stop: StopSignal) -> bool:
+        return bool(stop.requested) or self._handler.reset or self._is_lost
+
+    def _begin(self, resumes: bool) -> Estimation:
+        """Start the estimation, on the drive that is in the folder or on a new one."""
+        start = Start(self._config, self._calibration, self._folder.path, resumes)
         return Estimation(start, self._backlog, self._recorder, self._inbox.wake)
 
     def _subscribers(self) -> Subscribers:
         return Subscribers(self._session, self._config.zenoh, self._topics, self._inbox)
+
+    def _live_pose(self) -> LivePose:
+        return live_pose(self._config, self._calibration)
 
     def _close_estimation(self) -> None:
         self._estimation.close()
@@ -141,45 +147,39 @@ class Daemon:
             if not self._backlog.has_room(Sensor.ODOM):
                 self._backlog.refuse(Sensor.ODOM, QueueDrop.QUEUE_FULL)
                 return
-            self._publish_live(received)
+            self._live.take(received)
         self._backlog.put(received)
 
-    def _publish_live(self, received: Received) -> None:
-        try:
-            odometry = decode(received.data, Sensor.ODOM, received.encoding)
-        except CodecError:
-            return
-        assert isinstance(odometry, Odometry)
-        pose = self._live.take(odometry)
-        if pose is not None:
-            self._publish(pose, received.received_s)
-
-    def _publish(self, pose: PosePublished, received_s: float) -> None:
-        if pose.stamp_ns > self._published_ns:
-            self._published_ns = pose.stamp_ns
-            self._publishers.publish_pose(pose)
-            self._vitals.take(pose, received_s)
-
-    def _take_report(self, report: Ready | News | Written) -> None:
+    def _take_report(self, report: Report) -> None:
         match report:
             case Ready():
                 self._be_ready(report)
             case News():
                 self._take_news(report)
+            case Saved():
+                self._handler.take_saved(report)
             case Written():
-                self._take_written(report)
+                self._written = report
 
     def _be_ready(self, ready: Ready) -> None:
-        """A drive that goes on is ready when its estimate has come."""
+        """A drive that goes on after something of it was missed is ready when its estimate has come."""
+        self._deaths = 0
         self._estimation.begin(ready.checkpoint)
-        self._ready = self._away_s is None
-        if self._away_s is not None:
-            self._live = live_pose(self._config, self._calibration)
-            self._backlog.put(Mark(MarkKind.AWAY, round(self._away_s * 1e3)))
-            self._log.warning("resumed", folder=self._folder.path, away_s=f"{self._away_s:.1f}")
+        if self._away_s is None and ready.whole:
+            self._ready = True
+        else:
+            self._go_on(self._away_s or 0.0)
+        self._away_s = None
+
+    def _go_on(self, away_s: float) -> None:
+        self._ready = False
+        self._live.begin(self._live_pose())
+        self._backlog.put(Mark(MarkKind.AWAY, round(away_s * 1e3)))
+        self._log.warning("resumed", folder=self._folder.path, away_s=f"{away_s:.1f}")
 
     def _take_news(self, news: News) -> None:
-        self._estimate = news.estimate or self._estimate
+        if news.estimate is not None:
+            self._live.know(news.estimate)
         if news.dropped is not None:
             self._dropped = news.dropped
         for event in news.events:
@@ -190,22 +190,16 @@ class Daemon:
             self._publishers.publish_map(news.map_cdr)
 
     def _adopt(self) -> None:
-        """Use the newest estimate; where that takes long, messages come first four fifths of the time."""
-        estimate, now_s = self._estimate, time.monotonic()
-        if estimate is None or now_s < self._adopt_from_s or self._finishing:
-            return
-        self._estimate = None
-        for pose in self._live.adopt(estimate):
-            self._publish(pose, now_s)
-        self._backlog.put(Mark(MarkKind.ADOPT, estimate.serial))
-        self._ready = True
-        end_s = time.monotonic()
-        self._adopt_from_s = end_s + 4 * (end_s - now_s)
+        """Use the newest estimate; what is fed from here on stands on it."""
+        serial = None if self._finishing else self._live.adopt()
+        if serial is not None:
+            self._backlog.put(Mark(MarkKind.ADOPT, serial))
+            self._ready = True
 
     def _take_event(self, event: Event) -> None:
         match event:
             case PosePublished():
-                self._publish(event, time.monotonic())
+                self._live.publish(event, time.monotonic())
                 return
             case StateChanged():
                 self._log.info("state", state=event.state.value, reason=event.reason)
@@ -214,16 +208,28 @@ class Daemon:
         self._vitals.take(event, time.monotonic())
 
     def _begin_again(self) -> None:
-        """The estimation has ended by itself: another goes on from the last checkpoint."""
-        self._complain("the estimation ended unexpectedly and is started again from its last checkpoint")
+        """The estimation has ended by itself: another goes on from the last checkpoint and the black box since.
+
+        Poses go on meanwhile, on the estimate that there is, unless the black box misses something.
+        """
         self._estimation.close()
         self._handler.give_up_saving("the estimation ended unexpectedly")
+        self._deaths += 1
+        if self._deaths > MOST_DEATHS:
+            self._give_up()
+            return
+        self._complain("the estimation ended unexpectedly and is started again from its last checkpoint")
         self._recorder.flush()
-        self._estimation = self._begin(0.0)
+        if self._away_s is None and not self._recorder.whole:
+            self._away_s, self._ready = 0.0, False
+        self._estimation = self._begin(resumes=True)
 
-    def _take_written(self, written: Written) -> None:
-        if not self._handler.take_written(written):
-            self._written = written
+    def _give_up(self) -> None:
+        """A drive whose own messages end the estimation each time is left; one that never began is no drive."""
+        if not self._folder.resumes and not self._live.begun:
+            raise DaemonError("the estimation ends as soon as it is started")
+        self._is_lost = True
+        self._complain(f"{self._folder.path}: the estimation does not come through this drive; a new run begins")
 
     def _complain(self, text: str) -> None:
         self._log.warning("warned", text=text)

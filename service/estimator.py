@@ -9,20 +9,22 @@ import pickle
 import signal
 import sys
 import time
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
+from wayfi.recordings.map_files import write_drawn
 from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import write_checkpoint
-from wayfi.service.estimator_messages import Finish, News, Ready, Save, Start, Written
+from wayfi.service.estimator_messages import Finish, News, Ready, Save, Saved, Start, Written
 from wayfi.service.live_drive import LiveDrive
 from wayfi.service.live_log import LiveLog
 from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.output_messages import map_message
 from wayfi.service.queues import Received
-from wayfi.service.recovery import recovered
+from wayfi.service.recovery import recover
 from wayfi.service.results import Source, hash_of, write_results
 from wayfi.service.tally import merged
 from wayfi.service.warm_up import warm_up
@@ -44,12 +46,12 @@ class Estimator:
         self._complaints: list[str] = []
         self._drops_told = 0
         self._log = LiveLog(start.config.rerun, start.folder, self._complaints.append)
-        self._live = self._begin(start)
+        self._live, self._whole = self._begin(start)
         self._begin_part_if_due()
 
     def run(self) -> None:
         """Work until the end."""
-        self._outgoing.send(Ready(self._live.checkpoints))
+        self._outgoing.send(Ready(self._live.checkpoints, self._whole))
         while True:
             match self._incoming.recv():
                 case Received() as message:
@@ -65,11 +67,11 @@ class Estimator:
                     self._outgoing.send(self._finish(finish))
                     return
 
-    def _begin(self, start: Start) -> LiveDrive:
+    def _begin(self, start: Start) -> tuple[LiveDrive, bool]:
         if start.resumes:
-            return recovered(start.folder, start.config, start.calibration, self._log)
+            return recover(start.folder, start.config, start.calibration, self._log)
         warm_up(start.config)
-        return LiveDrive(start.config, start.calibration, self._log)
+        return LiveDrive(start.config, start.calibration, self._log), True
 
     def _checkpoint(self, number: int) -> None:
         try:
@@ -90,9 +92,15 @@ class Estimator:
                 news.events.append(event)
             elif isinstance(event, GridRedrawn):
                 news.map_cdr = map_message(event, self._config.map)
+                self._keep_map(event)
         if news != News():
             self._outgoing.send(news)
         self._show(events)
+
+    def _keep_map(self, drawn: GridRedrawn) -> None:
+        """A run that is cut off leaves its last map; a disk that takes none has been complained of by the recorder."""
+        with suppress(OSError):
+            write_drawn(self._folder, drawn, self._config.map)
 
     def _show(self, events: list[Event]) -> None:
         self._live.drive.show(events)
@@ -102,10 +110,10 @@ class Estimator:
         if self._log.due:
             self._log.begin(self._live.drive.history())
 
-    def _save(self) -> Written:
+    def _save(self) -> Saved:
         """Finish a copy."""
         copy: LiveDrive = pickle.loads(pickle.dumps(self._live))
-        return self._write(copy, {}, {})
+        return Saved(self._write(copy, {}, {}))
 
     def _finish(self, finish: Finish) -> Written:
         return self._write(self._live, finish.dropped, finish.report)

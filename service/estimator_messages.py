@@ -24,9 +24,13 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """The estimation takes messages from now on; `checkpoint` is the number of the drive's newest, 0 without."""
+    """The estimation takes messages from now on; `checkpoint` is the number of the drive's newest, 0 without.
+
+    `whole`: nothing that was fed to the drive so far is missing from it.
+    """
 
     checkpoint: int
+    whole: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +48,17 @@ class Finish:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The results are in the folder, `poses` lines of trajectory; or why not. Answers Save and Finish."""
+    """The results are in the folder, `poses` lines of trajectory; or why not. Answers Finish."""
 
     poses: int
     error: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """The same, of a drive that goes on. Answers Save."""
+
+    written: Written
 
 
 @dataclass(slots=True)
@@ -62,4 +73,4 @@ class News:
 
 
 Request = Save | Finish
-Report = Ready | News | Written
+Report = Ready | News | Saved | Written

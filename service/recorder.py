@@ -41,6 +41,11 @@ class Recorder:
         self._guard(lambda: blackbox.write(item))
         self.look_after()
 
+    @property
+    def whole(self) -> bool:
+        """Whether it has recorded everything so far, and goes on."""
+        return self._blackbox is not None and not self.unrecorded
+
     def flush(self) -> None:
         """What is recorded so far survives a kill."""
         blackbox = self._blackbox

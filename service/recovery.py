@@ -6,7 +6,7 @@ from pathlib import Path
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap_log import Record, RecordingError, open_recording
-from wayfi.recordings.parts import BLACKBOX, parts_of
+from wayfi.recordings.parts import BLACKBOX, begins_at_first, parts_of
 from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.service.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
@@ -15,10 +15,11 @@ from wayfi.service.marks import MarkError, MarkKind, parse_mark
 from wayfi.service.players import BlackBoxPlayer
 
 
-def recovered(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> LiveDrive:
-    """The drive of `folder` as it was at the last message that its black box holds."""
+def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> tuple[LiveDrive, bool]:
+    """The drive of `folder` as of the last message that its black box holds; and whether no message is missing."""
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
+    whole = records is not None or begins_at_first(folder, BLACKBOX)
     if checkpoint is None or records is None:
         live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
     else:
@@ -27,7 +28,7 @@ def recovered(folder: Path, config: Config, calibration: Calibration | None, log
     for record in records:
         player.play(record)
     player.live.drive.log = log
-    return player.live
+    return player.live, whole
 
 
 def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:

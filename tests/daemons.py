@@ -17,14 +17,17 @@ from typing import Any
 import numpy as np
 import zenoh
 from loopback import CLI, eventually, free_port
+from PIL import Image
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.backend.scoring import absolute_error
 from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.recordings.codec import decode
+from wayfi.recordings.map_files import UNKNOWN
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.messages import DIAGNOSTIC_ARRAY, NS_PER_S, POSE_WITH_COVARIANCE, TYPESTORE
+from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.recordings.ros_messages import Message
 from wayfi.recordings.topics import Encoding
 from wayfi.recordings.tum import read_tum
@@ -254,10 +257,15 @@ def error_m(folder: Path, truth: Trajectory) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Kill:
-    """The moments from which a daemon heard, and when it was killed, on the monotonic clock."""
+    """The moments from which a daemon heard, and when it was killed, on the monotonic clock; and what it left.
+
+    `messages` are those of the newest part of its black box; `map_cells` is 0 where there was no map yet.
+    """
 
     ready_s: float
     killed_s: float
+    messages: int
+    map_cells: int
 
     def lost_s(self, robot: Robot, kept: set[bytes]) -> float:
         """How long before the kill the first message was put that is not in the black box, which `kept` is of."""
@@ -270,5 +278,17 @@ def kill_after(daemon: Running, seconds: float) -> Kill:
     ready_s = time.monotonic()
     time.sleep(seconds)
     killed_s = daemon.kill()
+    recorded = sum(1 for _ in open_recording(parts_of(daemon.folder, BLACKBOX)[-1]))
+    cells = cells_of_map(daemon.folder)
     daemon.start_again()
-    return Kill(ready_s, killed_s)
+    return Kill(ready_s, killed_s, recorded, cells)
+
+
+def cells_of_map(folder: Path) -> int:
+    """How many cells the map in a run's folder has that are not unknown; 0 without a map."""
+    description = folder / "map.yaml"
+    if not description.exists():
+        return 0
+    image = next(line.split()[1] for line in description.read_text().splitlines() if line.startswith("image:"))
+    with Image.open(folder / image) as picture:
+        return int(np.count_nonzero(np.asarray(picture) != UNKNOWN))

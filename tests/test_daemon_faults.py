@@ -2,6 +2,7 @@
 
 import math
 import os
+import pickle
 import random
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rerun_cli
@@ -16,6 +18,7 @@ from daemons import (
     Robot,
     Running,
     accepts,
+    asked_for,
     error_m,
     eventually,
     free_port,
@@ -35,13 +38,16 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
 from wayfi.frontends.timebase import LASTING_MESSAGES
-from wayfi.recordings.mcap_log import open_recording
-from wayfi.recordings.parts import parts_of
+from wayfi.recordings.mcap_log import McapWriter, open_recording
+from wayfi.recordings.parts import BLACKBOX, next_part, parts_of
 from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.recordings.tum import read_tum
+from wayfi.service.checkpoint import write_checkpoint
 from wayfi.service.disk import KINDS, MIB, keep_budget
 from wayfi.service.estimation import CHECKPOINT_EVERY
+from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.queues import QueueDrop
 from wayfi.service.tally import merged
 
@@ -55,6 +61,7 @@ BUDGET_MB = 20
 KILLED_S = 1.0
 HOLES_M = 0.1  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
 JUMP_S = 10.0
+ESTIMATOR = "wayfi.service.estimator"
 
 
 @pytest.fixture(scope="module")
@@ -206,21 +213,56 @@ def memory_mb(pid: int) -> float:
     return int(line.split()[1]) / 1024
 
 
-def test_an_estimation_that_is_killed(minute: Simulated, tmp_path: Path) -> None:
+def test_an_estimation_that_is_killed_holds_up_no_pose(minute: Simulated, tmp_path: Path) -> None:
     recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    last_ns = odometry_of(recording)[-1].stamp_ns
     with running(tmp_path / "runs") as daemon:
         daemon.collect("wayfi/pose")
         robot = Robot(daemon, recording, 8.0)
         robot.start()
         eventually(lambda: len(poses_of(daemon)) > 100)
-        (estimation,) = daemon.processes("wayfi.service.estimator")
-        os.kill(estimation, signal.SIGKILL)
+        (first,) = daemon.processes(ESTIMATOR)
+        os.kill(first, signal.SIGKILL)
+        eventually(lambda: set(daemon.processes(ESTIMATOR)) - {first})
+        (second,) = set(daemon.processes(ESTIMATOR)) - {first}
+        os.kill(second, signal.SIGSTOP)
         robot.finish()
-        eventually(lambda: stamp_ns(poses_of(daemon)[-1].header) == odometry_of(recording)[-1].stamp_ns)
+        eventually(lambda: stamp_ns(poses_of(daemon)[-1].header) == last_ns)
+        os.kill(second, signal.SIGCONT)
+        assert asked_for(daemon.session, daemon.key("wayfi/command/save"))  # answered when all before it is estimated
         assert daemon.stop() == 0, daemon.stderr
     assert len(daemon.lines("the estimation ended unexpectedly")) == 1
+    assert not daemon.lines("resumed")
     assert_nothing_vanished(daemon, recording)
     assert_every_pose(daemon)
+    assert replays_alike(daemon.folder, tmp_path / "replayed")
+
+
+class Deadly:
+    """What unpickles it is dead."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (1,)
+
+
+def test_a_drive_that_the_estimation_does_not_come_through_is_left_for_a_new_run(tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", circling(200))
+    deadly = pickle.dumps(Deadly())
+    with running(tmp_path / "runs") as daemon:
+        daemon.publish(recording, None)
+        lost = daemon.folder
+        daemon.kill()
+        with McapWriter(next_part(lost, BLACKBOX)) as writer:
+            writer.write(MARKS_TOPIC, "wayfi/Mark", "json", 0, Mark(MarkKind.CHECKPOINT, 1).to_json())
+        write_checkpoint(lost, 1, deadly)
+        daemon.start_again()
+        daemon.collect("wayfi/pose")
+        daemon.publish(recording, None)
+        eventually(lambda: len(poses_of(daemon)) == 200)
+        assert daemon.stop() == 0, daemon.stderr
+    assert daemon.folder != lost
+    assert not (lost / "running").exists()
+    assert len(daemon.lines("does not come through this drive; a new run begins")) == 1
     assert replays_alike(daemon.folder, tmp_path / "replayed")
 
 
@@ -312,6 +354,8 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     folder = daemon.folder
     kept = {record.data for record in open_recording(folder)}
     assert max(kill.lost_s(robot, kept) for kill in kills) < KILLED_S
+    assert min(kill.messages for kill in kills) > 0
+    assert kills[-1].map_cells > 0
     assert len(daemon.lines("resumed")) == 1
     assert {path.name for path in folder.iterdir()} >= set(RESULT_FILES) - {"session.rrd"}
     assert replays_alike(folder, tmp_path / "replayed")

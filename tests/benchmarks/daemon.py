@@ -108,10 +108,10 @@ def say_kills(folder: Path, drive: Simulated, arguments: argparse.Namespace) -> 
         stopped(daemon)
         heard.undeclare()
     kept = {record.data for record in open_recording(daemon.folder)}
-    say("kill", "back after s", "input lost s")
+    say("kill", "back after s", "input lost s", "messages readable", "cells of map")
     for number, kill in enumerate(kills, 1):
         back_s = min((at_s for at_s in poses_s if at_s > kill.killed_s), default=float("nan")) - kill.killed_s
-        say(str(number), f"{back_s:.2f}", f"{kill.lost_s(robot, kept):.2f}")
+        say(str(number), f"{back_s:.2f}", f"{kill.lost_s(robot, kept):.2f}", str(kill.messages), str(kill.map_cells))
     run(recording, folder / "undisturbed")
     ours_m, undisturbed_m = (error_m(out, drive.truth) for out in (daemon.folder, folder / "undisturbed"))
     say(f"ATE {ours_m:.3f} m, undisturbed {undisturbed_m:.3f} m: {ours_m / undisturbed_m:.2f} times")
