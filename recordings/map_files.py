@@ -10,7 +10,6 @@ from wayfi.backend.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files import write_bytes, write_text
-from wayfi.recordings.map_picture import map_png
 
 OCCUPIED, FREE = 0, 254
 # map_server takes (255 - grey) / 255 for the probability and compares it with the thresholds of map.yaml: the usual
@@ -21,6 +20,8 @@ UNKNOWN = 128
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
     """Writes map.pgm, map.yaml and map.png into `directory`; `path_xy_m` (n, 2) m is drawn into the picture."""
     write_drawn(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
+    from wayfi.recordings.map_picture import map_png  # brings matplotlib, which a drive has no use for until its end
+
     write_bytes(directory / "map.png", map_png(grid, path_xy_m))
 
 

@@ -183,10 +183,9 @@ def inspect(
     """Show what a recording holds: topics, rates, gaps, time faults, and what a replay would use."""
     with _output(quiet, as_json) as output:
         from wayfi.recordings.inspection import inspect_recording
-        from wayfi.service.drive import topics_of
         from wayfi.service.summaries import say_inspection
 
-        inspection = inspect_recording(recording, topics_of(_configured(config, settings).recording))
+        inspection = inspect_recording(recording, _configured(config, settings).recording.topics)
         say_inspection(output, inspection)
         if not inspection.usable:
             raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")

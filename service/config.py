@@ -15,6 +15,7 @@ from wayfi.backend.grid_map import MapConfig
 from wayfi.backend.options import option
 from wayfi.frontends.closure import ClosureConfig
 from wayfi.frontends.lidar import LidarConfig
+from wayfi.frontends.measurements import Sensor
 from wayfi.frontends.odometry import OdometryConfig
 from wayfi.frontends.wifi import WifiConfig
 from wayfi.recordings.rerun_config import RerunConfig
@@ -68,6 +69,11 @@ class RecordingConfig:
     points: str = option("/points", "topic", "as above")
     wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
     tf_static: str = option("/tf_static", "topic", "tf2's name")
+
+    @property
+    def topics(self) -> dict[Sensor, str]:
+        """The topic of each sensor."""
+        return {sensor: str(getattr(self, sensor.value)) for sensor in Sensor}
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@ from wayfi.service.blackbox import BlackBox
 from wayfi.service.command_handler import CommandHandler
 from wayfi.service.commands import Commands
 from wayfi.service.config import Config
-from wayfi.service.drive import topics_of
 from wayfi.service.estimation import Estimation
 from wayfi.service.estimator_messages import Finish, News, Ready, Report, Saved, Start, Written
-from wayfi.service.live_drive import live_pose
-from wayfi.service.live_pose import LivePose
+from wayfi.service.live_pose import LivePose, live_pose
 from wayfi.service.live_publisher import LivePublisher
 from wayfi.service.log_lines import LogLines
 from wayfi.service.marks import Mark, MarkKind
@@ -54,7 +52,7 @@ class Daemon:
         self._manager = ServiceManager()
         self._session = session
         self._folder = folder
-        self._topics = topics_of(config.recording)
+        self._topics = config.recording.topics
         limits = limits_of(config.zenoh)
         self._inbox = Queues(limits)
         self._backlog = Backlog(limits)
@@ -114,7 +112,7 @@ class Daemon:
         return Subscribers(self._session, self._config.zenoh, self._topics, self._inbox)
 
     def _live_pose(self) -> LivePose:
-        return live_pose(self._config, self._calibration)
+        return live_pose(self._config.odometry, self._calibration)
 
     def _close_estimation(self) -> None:
         self._estimation.close()
@@ -164,7 +162,7 @@ class Daemon:
     def _be_ready(self, ready: Ready) -> None:
         """A drive that goes on after something of it was missed is ready when its estimate has come."""
         self._deaths = 0
-        self._estimation.begin(ready.checkpoint)
+        self._estimation.begin(ready)
         if self._away_s is None and ready.whole:
             self._ready = True
         else:

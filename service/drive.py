@@ -9,15 +9,10 @@ from wayfi.recordings.codec import decode
 from wayfi.recordings.codec_error import CodecError
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.topics import Encoding
-from wayfi.service.config import Config, RecordingConfig
+from wayfi.service.config import Config
 from wayfi.service.pipeline import Pipeline, Result
 from wayfi.service.tally import Tally
 from wayfi.service.timing import StageTimer
-
-
-def topics_of(config: RecordingConfig) -> dict[Sensor, str]:
-    """The topic of each sensor."""
-    return {sensor: str(getattr(config, sensor.value)) for sensor in Sensor}
 
 
 class Drive:
@@ -25,7 +20,7 @@ class Drive:
 
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
         self.config = config
-        self.topics = topics_of(config.recording)
+        self.topics = config.recording.topics
         self.tally = Tally(self.topics)
         self.timer = StageTimer()
         self.pipeline = Pipeline(config, calibration, self.timer)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 
 from wayfi.service.backlog import Backlog
-from wayfi.service.estimator_messages import Finish, Report, Request, Start
+from wayfi.service.estimator_messages import Finish, Ready, Report, Request, Start
 from wayfi.service.marks import Mark, MarkKind
 from wayfi.service.queues import Received
 from wayfi.service.recorder import Recorder
@@ -37,9 +37,9 @@ class Estimation:
         self._feeder = threading.Thread(target=self._feed_all, name="estimation feeder", daemon=True)
         self._reader.start()
 
-    def begin(self, checkpoint: int) -> None:
-        """Feed from now on; `checkpoint` is the number of the newest there is."""
-        self._checkpoint = checkpoint
+    def begin(self, ready: Ready) -> None:
+        """Feed from now on."""
+        self._checkpoint, self._since_checkpoint = ready.checkpoint, ready.since
         self._feeder.start()
 
     def reports(self) -> list[Report]:

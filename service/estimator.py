@@ -46,12 +46,12 @@ class Estimator:
         self._complaints: list[str] = []
         self._drops_told = 0
         self._log = LiveLog(start.config.rerun, start.folder, self._complaints.append)
-        self._live, self._whole = self._begin(start)
+        self._live, self._ready = self._begin(start)
         self._begin_part_if_due()
 
     def run(self) -> None:
         """Work until the end."""
-        self._outgoing.send(Ready(self._live.checkpoints, self._whole))
+        self._outgoing.send(self._ready)
         while True:
             match self._incoming.recv():
                 case Received() as message:
@@ -67,11 +67,12 @@ class Estimator:
                     self._outgoing.send(self._finish(finish))
                     return
 
-    def _begin(self, start: Start) -> tuple[LiveDrive, bool]:
+    def _begin(self, start: Start) -> tuple[LiveDrive, Ready]:
         if start.resumes:
-            return recover(start.folder, start.config, start.calibration, self._log)
+            back = recover(start.folder, start.config, start.calibration, self._log)
+            return back.live, Ready(back.live.checkpoints, back.replayed, back.whole)
         warm_up(start.config)
-        return LiveDrive(start.config, start.calibration, self._log), True
+        return LiveDrive(start.config, start.calibration, self._log), Ready(0, 0, whole=True)
 
     def _checkpoint(self, number: int) -> None:
         try:

@@ -24,12 +24,13 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """The estimation takes messages from now on; `checkpoint` is the number of the drive's newest, 0 without.
+    """The estimation takes messages from now on; nothing that was fed to the drive so far is missing if it is `whole`.
 
-    `whole`: nothing that was fed to the drive so far is missing from it.
+    `checkpoint` is the number of the drive's newest, 0 without, and `since` how many messages have come after it.
     """
 
     checkpoint: int
+    since: int
     whole: bool
 
 

@@ -8,18 +8,12 @@ from typing import Self
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
-from wayfi.frontends.odometry import calibration_prior
 from wayfi.recordings.log import Log
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive import Drive
-from wayfi.service.live_pose import Estimate, LivePose
+from wayfi.service.live_pose import Estimate, live_pose
 from wayfi.service.marks import Mark, MarkKind
-
-
-def live_pose(config: Config, calibration: Calibration | None) -> LivePose:
-    """The live pose at the start of a drive."""
-    return LivePose(config.odometry, calibration.wheels if calibration else calibration_prior(config.odometry))
 
 
 class LiveDrive:
@@ -32,7 +26,7 @@ class LiveDrive:
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
         self.drive = Drive(config, calibration, log)
         self._calibration = calibration
-        self._live = live_pose(config, calibration)
+        self._live = live_pose(config.odometry, calibration)
         self._estimates: dict[int, Estimate] = {}
         self.told = 0
         self.checkpoints = 0
@@ -99,5 +93,5 @@ class LiveDrive:
     def _go_on(self, seconds: float) -> list[Event]:
         """The daemon was away, and begins with a live pose that knows nothing yet."""
         self._estimates.clear()
-        self._live = live_pose(self.drive.config, self._calibration)
+        self._live = live_pose(self.drive.config.odometry, self._calibration)
         return self.drive.pipeline.go_on(seconds)

@@ -9,9 +9,10 @@ import numpy as np
 from wayfi.backend.health import State
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.backend.wheel_calibration import WheelCalibration
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.frontends.odometry import OdometryConfig, PathPoint, Wheels, fault_of, wheel_covariance
+from wayfi.frontends.odometry import OdometryConfig, PathPoint, Wheels, calibration_prior, fault_of, wheel_covariance
 from wayfi.frontends.timebase import TimeBase
 
 ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])
@@ -130,3 +131,8 @@ class LivePose:
         anchor = Anchor(point, Pose2(), ORIGIN_COVARIANCE, self._calibration, 1.0, State.TRACKING)
         at_start = self._estimate
         self._estimate = Estimate(at_start.serial, at_start.odometry, at_start.time, at_start.wheels, anchor)
+
+
+def live_pose(config: OdometryConfig, calibration: Calibration | None) -> LivePose:
+    """The live pose at the start of a drive."""
+    return LivePose(config, calibration.wheels if calibration else calibration_prior(config))

@@ -13,7 +13,6 @@ from wayfi.backend.errors import WayfiError
 from wayfi.recordings.mcap_log import Record, Recording, open_recording
 from wayfi.recordings.topics import Encoding, route
 from wayfi.service.config import Config, ZenohConfig
-from wayfi.service.drive import topics_of
 from wayfi.service.pace import Pace
 from wayfi.service.publishers import ALIVE
 from wayfi.service.subscribers import SYNC
@@ -97,7 +96,7 @@ class _Outlet:
     def __init__(self, session: zenoh.Session, config: Config, opened: ExitStack) -> None:
         self._session = session
         self._config = config.zenoh
-        self._topics = topics_of(config.recording)
+        self._topics = config.recording.topics
         self._opened = opened
         self._publishers: dict[Channel, zenoh.Publisher | None] = {}
         self.messages: Counter[str] = Counter()

@@ -11,7 +11,6 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.mcap_log import McapWriter
 from wayfi.recordings.messages import TYPE_OF_SENSOR
 from wayfi.service.config import Config
-from wayfi.service.drive import topics_of
 from wayfi.service.queues import QueueLimit, Queues, Received
 from wayfi.service.stop_signal import StopSignal
 from wayfi.service.subscribers import Subscribers
@@ -40,7 +39,7 @@ def record_topics(out: Path, config: Config, ready: Callable[[], None] = lambda:
     def may_come(error: UnreachableError) -> bool:
         return not isinstance(error, RefusedError) and not stop.requested
 
-    topics = topics_of(config.recording)
+    topics = config.recording.topics
     queues = Queues(dict.fromkeys(Sensor, LIMIT))
     with StopSignal() as stop, ExitStack() as opened:
         connect = partial(open_guest_session, config.zenoh)

@@ -1,6 +1,8 @@
 """Back to where a daemon was killed: its last checkpoint, and what its black box holds since."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
@@ -15,8 +17,17 @@ from wayfi.service.marks import MarkError, MarkKind, parse_mark
 from wayfi.service.players import BlackBoxPlayer
 
 
-def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> tuple[LiveDrive, bool]:
-    """The drive of `folder` as of the last message that its black box holds; and whether no message is missing."""
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """A drive that is back; `replayed` messages had come since its checkpoint, and where `whole` none is missing."""
+
+    live: LiveDrive
+    replayed: int
+    whole: bool
+
+
+def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> Recovered:
+    """The drive of `folder` as of the last message that its black box holds."""
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
     whole = records is not None or begins_at_first(folder, BLACKBOX)
@@ -25,21 +36,21 @@ def recover(folder: Path, config: Config, calibration: Calibration | None, log: 
     else:
         live = LiveDrive.restored(checkpoint.drive, NullLog())
     player = BlackBoxPlayer(live)
+    replayed = 0
     for record in records:
         player.play(record)
+        replayed += record.topic != MARKS_TOPIC
     player.live.drive.log = log
-    return player.live, whole
+    return Recovered(player.live, replayed, whole)
 
 
 def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
     """The records after the checkpoint's mark; None where the black box does not hold it."""
     parts = parts_of(folder, BLACKBOX)
     for k in range(len(parts) - 1, -1, -1):
-        records = _records(parts[k:])
-        for record in _records(parts[k : k + 1]):
-            next(records)
-            if _is_mark(record, checkpoint.number):
-                return records
+        records = _records(parts[k : k + 1])
+        if any(_is_mark(record, checkpoint.number) for record in records):
+            return chain(records, _records(parts[k + 1 :]))
     return None
 
 

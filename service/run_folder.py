@@ -13,7 +13,6 @@ from wayfi.recordings.calibration_file import calibration_toml
 from wayfi.recordings.parts import BLACKBOX, parts_of
 from wayfi.service.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
-from wayfi.service.drive import topics_of
 
 RUNNING = "running"  # in the folder of a run that has not been stopped: what its drive depends on
 IDLE_S = 0.1
@@ -93,7 +92,7 @@ def _settings(config: Config, calibration: Calibration | None) -> str:
     """All that a drive depends on, as text."""
     plain = Config()
     settings = config_toml(replace(config, zenoh=plain.zenoh, rerun=plain.rerun, recording=plain.recording))
-    topics = "\n".join(topics_of(config.recording).values())
+    topics = "\n".join(config.recording.topics.values())
     return settings + topics + (calibration_toml(calibration) if calibration else "")
 
 

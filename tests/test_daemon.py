@@ -54,7 +54,6 @@ from wayfi.recordings.tum import read_tum
 from wayfi.service import publish
 from wayfi.service.blackbox import BlackBox
 from wayfi.service.config import Config, ZenohConfig, load_config
-from wayfi.service.drive import topics_of
 from wayfi.service.output_messages import map_message
 from wayfi.service.publish import PublishError, has_subscriber, publish_recording
 from wayfi.service.publishers import Publishers
@@ -366,7 +365,7 @@ def test_a_replay_takes_the_black_boxs_settings_unless_told_otherwise(tmp_path: 
         WheelCalibration(np.array([0.1, 0.2, 0.3, 1 / 3]), np.array([1.0, 2.0, 3.0, 1e-7])),
         {"tablet": ReceiverOffset(0.0, 0.0), "phone": ReceiverOffset(-2.5, 1 / 3)},
     )
-    with BlackBox(tmp_path, config, topics_of(config.recording), calibration) as blackbox:
+    with BlackBox(tmp_path, config, config.recording.topics, calibration) as blackbox:
         blackbox.write(Received(Sensor.ODOM, Encoding.CDR, odometry(0), time.monotonic()))
     again, kept = settings_for(tmp_path, (), (), None)
     assert again == config

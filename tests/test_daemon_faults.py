@@ -44,7 +44,7 @@ from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.topics import MARKS_TOPIC
 from wayfi.recordings.tum import read_tum
-from wayfi.service.checkpoint import write_checkpoint
+from wayfi.service.checkpoint import CHECKPOINT, write_checkpoint
 from wayfi.service.disk import KINDS, MIB, keep_budget
 from wayfi.service.estimation import CHECKPOINT_EVERY
 from wayfi.service.marks import Mark, MarkKind
@@ -362,6 +362,20 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     run(recording, tmp_path / "undisturbed")
     undisturbed_m = error_m(tmp_path / "undisturbed", longer.truth)
     assert error_m(daemon.folder, longer.truth) < 1.2 * undisturbed_m + HOLES_M
+
+
+def test_a_checkpoint_comes_however_often_it_is_killed(tmp_path: Path) -> None:
+    arrivals, half = list(circling(CHECKPOINT_EVERY + 2)), CHECKPOINT_EVERY // 2
+    with running(tmp_path / "runs") as daemon:
+        daemon.publish(write(tmp_path / "first.mcap", arrivals[:half]), None)
+        time.sleep(KILLED_S)
+        daemon.kill()
+        assert not (daemon.folder / CHECKPOINT).exists()
+        daemon.start_again()
+        daemon.publish(write(tmp_path / "second.mcap", arrivals[half:]), None)
+        eventually((daemon.folder / CHECKPOINT).exists)
+        assert daemon.stop() == 0, daemon.stderr
+    assert replays_alike(daemon.folder, tmp_path / "replayed")
 
 
 def test_what_is_not_gone_on_with(tmp_path: Path) -> None:

@@ -29,7 +29,6 @@ from wayfi.recordings.codec import decode, encode
 from wayfi.recordings.messages import NS_PER_S, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
 from wayfi.recordings.topics import Encoding
 from wayfi.service.config import ConfigError, RecordingConfig, ZenohConfig, load_config
-from wayfi.service.drive import topics_of
 from wayfi.service.output_messages import map_message
 from wayfi.service.publishers import Publishers
 from wayfi.service.queues import Queues, limits_of
@@ -90,7 +89,7 @@ def listening(prefix: str) -> Iterator[Listening]:
     queues = Queues(limits_of(config))
     with (
         open_session(config) as session,
-        Subscribers(session, config, topics_of(RecordingConfig()), queues),
+        Subscribers(session, config, RecordingConfig().topics, queues),
         open_guest_session(config) as peer,
     ):
         yield Listening(config, queues, peer)
@@ -158,7 +157,7 @@ def test_static_transforms_said_before_are_asked_for_and_come_once(key: str) -> 
         early = [_latched(peer, key) for peer in (one, two)]
         for number, publisher in enumerate(early):
             publisher.put(mount(f"laser{number}"), attachment=rmw_attachment(1))
-        with Subscribers(session, config, topics_of(RecordingConfig()), queues):
+        with Subscribers(session, config, RecordingConfig().topics, queues):
             eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 2)
             early[0].put(mount("laser2"), attachment=rmw_attachment(2))
             eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 3)

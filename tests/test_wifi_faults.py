@@ -26,7 +26,6 @@ from wayfi.recordings.topics import Encoding
 from wayfi.recordings.tum import read_tum
 from wayfi.service.backlog import Backlog
 from wayfi.service.config import load_config
-from wayfi.service.drive import topics_of
 from wayfi.service.output_messages import OK, WARN
 from wayfi.service.pipeline import Pipeline
 from wayfi.service.queues import Queues, limits_of
@@ -265,7 +264,7 @@ def test_the_report_says_what_is_wrong(minute: Simulated, tmp_path: Path) -> Non
 def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorded) -> None:
     config = load_config()
     limits = limits_of(config.zenoh)
-    vitals = VitalSigns(topics_of(config.recording), Queues(limits), Backlog(limits))
+    vitals = VitalSigns(config.recording.topics, Queues(limits), Backlog(limits))
     vitals.take(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
     assert vitals.status({}, {}).level == OK
     lasting: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """`wayfi run` under a drive that is published: what is dropped, how late a pose is, whether the black box replays.
 
     python tests/benchmarks/daemon.py [--minutes M] [--rates R ...]     at multiples of real time, a viewer drawing it
-    python tests/benchmarks/daemon.py --kills N [--seed S]              kill -9 at random moments
+    python tests/benchmarks/daemon.py [--minutes M] --kills N [--seed S]    kill -9 at random moments, in real time
 
 The drive is a simulated car park's. The viewer is Rerun's own without a window; without a graphics card it needs a
 software renderer of Vulkan (mesa-vulkan-drivers).
@@ -26,9 +26,7 @@ from rerun.experimental import ViewerClient
 from wayfi.recordings.mcap_log import open_recording
 from wayfi.recordings.simulation.worlds import World
 
-BETWEEN_KILLS_S = (1.0, 13.0)  # from when it was ready
-CYCLE_S = 11.0  # from one kill to the next, about
-LAST_MINUTES = 1.0
+UNDISTURBED_S = 20.0  # at the end of the drive that is killed
 BETWEEN_PICTURES_S = 0.5
 
 
@@ -38,16 +36,15 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1.5)
     parser.add_argument("--rates", type=float, nargs="+", default=[1.0, 5.0, 20.0])
     parser.add_argument("--kills", type=int, default=0)
-    parser.add_argument("--kill-rate", type=float, default=1.0, help="times real time, of the drive that is killed")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        drive = simulated(World.CARPARK, arguments.minutes)
         if arguments.kills:
-            drive = simulated(World.CARPARK, arguments.kills * CYCLE_S * arguments.kill_rate / 60 + LAST_MINUTES)
-            say_kills(folder, drive, arguments)
+            chance, last_s = random.Random(arguments.seed), arguments.minutes * 60 - UNDISTURBED_S
+            say_kills(folder, drive, sorted(chance.uniform(0.0, last_s) for _ in range(arguments.kills)))
         else:
-            drive = simulated(World.CARPARK, arguments.minutes)
             recording = write(folder / "recording.mcap", drive.arrivals)
             say("rate", "messages", "dropped", "closures checked", "p50 ms", "p99 ms", "max ms", "replays alike")
             for rate in arguments.rates:
@@ -91,19 +88,15 @@ def draw(viewer: ViewerClient, over: threading.Event) -> None:
             viewer.save_screenshot(str(Path(folder) / "drawn.png"))
 
 
-def say_kills(folder: Path, drive: Simulated, arguments: argparse.Namespace) -> None:
-    """Kill a daemon again and again while a robot drives on."""
-    recording, chance, endpoint = (
-        write(folder / "recording.mcap", drive.arrivals),
-        random.Random(arguments.seed),
-        local(),
-    )
+def say_kills(folder: Path, drive: Simulated, moments_s: list[float]) -> None:
+    """Kill a daemon that long after the start, or as soon as it is back, while a robot drives on."""
+    recording, endpoint = write(folder / "recording.mcap", drive.arrivals), local()
     poses_s: list[float] = []
     with routing(endpoint) as session, running(folder / "runs", router=endpoint) as daemon:
         heard = session.declare_subscriber(daemon.key("wayfi/pose"), lambda _: poses_s.append(time.monotonic()))
-        robot = Robot(daemon, recording, arguments.kill_rate)
+        robot, begun_s = Robot(daemon, recording, 1.0), time.monotonic()
         robot.start()
-        kills = [kill_after(daemon, chance.uniform(*BETWEEN_KILLS_S)) for _ in range(arguments.kills)]
+        kills = [kill_after(daemon, max(0.0, begun_s + moment_s - time.monotonic())) for moment_s in moments_s]
         robot.finish()
         stopped(daemon)
         heard.undeclare()
