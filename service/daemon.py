@@ -76,22 +76,8 @@ class Daemon:
             opened.callback(self._recorder.close)
             self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh))
             self._live = LivePublisher(self._live_pose(), self._publishers, self._vitals)
-            subscribed = opened.enter_context(ExitStack())
-            if self._folder.resumes:
-                subscribed.enter_context(self._subscribers())
-            while not self._is_over(stop) and not self._ready:
-                self._step()
-            if not self._folder.resumes:
-                subscribed.enter_context(self._subscribers())
-            commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
-            subscribed.enter_context(self._publishers.announce())
-            self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
-            self._manager.ready(f"run in {self._folder.path}")
-            while not self._is_over(stop):
-                self._step()
-                for command in commands.take():
-                    self._handler.obey(command)
-            subscribed.close()
+            with ExitStack() as subscribed:
+                self._serve(subscribed, stop)
             if stop.requested:
                 self._manager.stopping()
             if self._is_lost:
@@ -99,6 +85,25 @@ class Daemon:
                 return
             self._log.info("stopping", signal=stop.name or "reset", waiting=sum(self._inbox.depths().values()))
             self._finish()
+
+    def _serve(self, subscribed: ExitStack, stop: StopSignal) -> None:
+        """Until it is over. What comes while a drive is brought back waits; a new one hears nothing before."""
+        if self._folder.resumes:
+            subscribed.enter_context(self._subscribers())
+        while not self._is_over(stop) and not self._ready:
+            self._step()
+        if self._is_over(stop):
+            return
+        if not self._folder.resumes:
+            subscribed.enter_context(self._subscribers())
+        commands = subscribed.enter_context(Commands(self._session, self._config.zenoh, self._inbox.wake))
+        subscribed.enter_context(self._publishers.announce())
+        self._log.info("ready", listen=",".join(self._config.zenoh.listen), folder=self._folder.path)
+        self._manager.ready(f"run in {self._folder.path}")
+        while not self._is_over(stop):
+            self._step()
+            for command in commands.take():
+                self._handler.obey(command)
 
     def _is_over(self, stop: StopSignal) -> bool:
         return bool(stop.requested) or self._handler.reset or self._is_lost
