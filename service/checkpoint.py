@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import zstandard
+
 from wayfi.recordings.files import write_bytes
 
 CHECKPOINT = "checkpoint.bin"
-MAGIC = b"wayfi checkpoint 1\n"
+MAGIC = b"wayfi checkpoint 2\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +26,9 @@ class Checkpoint:
 
 def write_checkpoint(folder: Path, number: int, drive: bytes) -> None:
     """Put a checkpoint into `folder`, in the place of the one before. Raises OSError."""
-    head = MAGIC + f"{number} {_versions()} {hashlib.sha256(drive).hexdigest()}\n".encode()
-    write_bytes(folder / CHECKPOINT, head + drive)
+    packed = zstandard.ZstdCompressor(level=1).compress(drive)
+    head = MAGIC + f"{number} {_versions()} {hashlib.sha256(packed).hexdigest()}\n".encode()
+    write_bytes(folder / CHECKPOINT, head + packed)
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
@@ -34,13 +37,15 @@ def read_checkpoint(folder: Path) -> Checkpoint | None:
         data = (folder / CHECKPOINT).read_bytes()
     except OSError:
         return None
-    head, _, drive = data.removeprefix(MAGIC).partition(b"\n")
+    head, _, packed = data.removeprefix(MAGIC).partition(b"\n")
     words = head.decode(errors="replace").split()
     if not data.startswith(MAGIC) or len(words) != 3:
         return None
     number, versions, digest = words
-    whole = digest == hashlib.sha256(drive).hexdigest() and number.isdecimal()
-    return Checkpoint(int(number), drive) if whole and versions == _versions() else None
+    whole = digest == hashlib.sha256(packed).hexdigest() and number.isdecimal()
+    if not whole or versions != _versions():
+        return None
+    return Checkpoint(int(number), zstandard.ZstdDecompressor().decompress(packed))
 
 
 def _versions() -> str:

@@ -17,7 +17,7 @@ from wayfi.service.recorder import Recorder
 
 IDLE_S = 0.1
 PIPE_BYTES = 1 << 20  # some seconds of a planar laser: recorded, and on their way to an estimation that is busy
-CHECKPOINT_EVERY = 5000  # messages: a second or two of work, which a restart has to do again
+CHECKPOINT_EVERY = 2000  # messages: a second or two of work, which a restart has to do again
 
 
 class Estimation:
