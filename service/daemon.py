@@ -106,7 +106,7 @@ class Daemon:
                 self._handler.obey(command)
 
     def _is_over(self, stop: StopSignal) -> bool:
-        return bool(stop.requested) or self._handler.reset or self._is_lost
+        return stop.requested or self._handler.reset or self._is_lost
 
     def _begin(self, resumes: bool) -> Estimation:
         """Start the estimation, on the drive that is in the folder or on a new one."""
@@ -229,7 +229,7 @@ class Daemon:
 
     def _give_up(self) -> None:
         """A drive whose own messages end the estimation each time is left; one that never began is no drive."""
-        if not self._folder.resumes and not self._live.begun:
+        if not self._folder.resumes and not self._live.has_published:
             raise DaemonError("the estimation ends as soon as it is started")
         self._is_lost = True
         self._complain(f"{self._folder.path}: the estimation does not come through this drive; a new run begins")

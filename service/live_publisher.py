@@ -13,7 +13,7 @@ from wayfi.service.vital_signs import VitalSigns
 
 
 class LivePublisher:
-    """Never publishes a pose that is older than the last; `begun` once there was one."""
+    """Never publishes a pose that is older than the last; `has_published` says whether there was one."""
 
     def __init__(self, live: LivePose, publishers: Publishers, vitals: VitalSigns) -> None:
         self._publishers = publishers
@@ -28,7 +28,7 @@ class LivePublisher:
         self._adopt_from_s = 0.0
 
     @property
-    def begun(self) -> bool:
+    def has_published(self) -> bool:
         """Whether a pose has been published."""
         return self._published_ns >= 0
 

@@ -15,7 +15,7 @@ from loopback import Authority, eventually, free_port
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from wayfi.service.config import SecurityConfig, ZenohConfig, load_config
-from wayfi.service.output_messages import OK, Status
+from wayfi.service.output_messages import OK, Status, status_message
 from wayfi.service.publishers import Publishers
 from wayfi.service.zenoh_session import RefusedError, key_of, open_guest_session, open_session
 
@@ -117,9 +117,10 @@ def test_a_robot_does_not_hear_another_and_the_station_commands_each(fleet: Flee
         assert by_a == []
 
 
-def test_the_station_sees_a_daemon_come_alive_and_the_map_that_it_kept(fleet: Fleet) -> None:
+def test_the_station_sees_a_daemon_come_alive_and_the_status_that_it_kept(fleet: Fleet) -> None:
     robot = fleet.config("robot-a", [f"tcp/127.0.0.1:{free_port()}"])
     seen: list[bytes] = []
+    status = Status(OK, "TRACKING", {})
     history = HistoryConfig(max_samples=1, detect_late_publishers=True)
     with (
         fleet.router(),
@@ -128,11 +129,12 @@ def test_the_station_sees_a_daemon_come_alive_and_the_map_that_it_kept(fleet: Fl
         publishers.announce(),
         fleet.guest("station") as station,
     ):
-        publishers.publish_status(0, Status(OK, "TRACKING", {}))
+        publishers.publish_status(0, status)
         eventually(lambda: alive(station, robot))
         key = key_of(robot, "wayfi/status")
         with declare_advanced_subscriber(station, key, lambda s: seen.append(s.payload.to_bytes()), history=history):
             eventually(lambda: seen)
+    assert seen == [status_message(0, status)]
 
 
 def alive(session: zenoh.Session, config: ZenohConfig) -> bool:

@@ -143,7 +143,8 @@ def test_a_refused_daemon_says_so_once_and_gets_in_when_it_may(mode: str, users:
 def test_a_peer_that_starts_before_its_router_finds_it() -> None:
     router = ZenohConfig(mode="router", listen=[endpoint()])
     with open_session(ZenohConfig(listen=[], connect=router.listen)) as peer, open_session(router) as session:
-        eventually(lambda: list(peer.info.routers_zid()) == [session.info.zid()])
+        eventually(lambda: list(peer.info.routers_zid()))
+        assert list(peer.info.routers_zid()) == [session.info.zid()]
 
 
 # Certificates

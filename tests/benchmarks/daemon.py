@@ -74,9 +74,11 @@ def drawing(port: int) -> Iterator[None]:
         viewer.open(f"rerun+http://127.0.0.1:{port}/proxy")
         drawer = threading.Thread(target=draw, args=(viewer, over))
         drawer.start()
-        yield
-        over.set()
-        drawer.join()
+        try:
+            yield
+        finally:
+            over.set()
+            drawer.join()
         if not viewer.get_state().active_recording:
             sys.exit("the viewer has seen nothing")
 
