@@ -59,7 +59,7 @@ RERUN = Path(rerun_cli.__file__).with_name("rerun")  # not the script that start
 GROWTH_MB = 100  # of which 16 MiB are kept for viewers that come late
 BUDGET_MB = 20
 KILLED_S = 1.0
-HOLES_M = 0.1  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
+HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
 JUMP_S = 10.0
 ESTIMATOR = "wayfi.service.estimator"
 
