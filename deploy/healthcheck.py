@@ -6,8 +6,8 @@ from pathlib import Path
 
 from wayfi.backend.errors import WayfiError
 from wayfi.service.config import ZenohConfig, load_config
-from wayfi.service.publishers import ALIVE
-from wayfi.service.zenoh_session import key_of, open_guest_session
+from wayfi.service.transport.publishers import ALIVE
+from wayfi.service.transport.zenoh_session import key_of, open_guest_session
 
 PATIENCE_S = 2.0
 

@@ -1,1 +1,1 @@
-"""From measurements to factors: odometry, LiDAR, WiFi, and the closures they propose."""
+"""From measurements to an estimate: what the sensors say becomes factors and closures. Pure: no clock, no files."""

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wayfi.backend.wheel_calibration import WheelCalibration
-from wayfi.frontends.receivers import ReceiverOffset
+from wayfi.backend.graph.wheel_calibration import WheelCalibration
+from wayfi.frontends.wifi.receivers import ReceiverOffset
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.health import State
+from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import Sensor
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, between_all
-from wayfi.frontends.laser_points import ScanPoints
-from wayfi.frontends.odometry import PathPoint
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.scan_points import ScanPoints
 
 
 @dataclass(frozen=True, slots=True, eq=False)

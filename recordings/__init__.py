@@ -1,1 +1,1 @@
-"""What is read and written: messages, MCAP, Rerun, trajectories, maps, and simulated recordings."""
+"""What is read and written: messages, MCAP, Rerun, files of results, and simulated recordings."""

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
-from wayfi.recordings.codec import decode
-from wayfi.recordings.codec_error import CodecError
-from wayfi.recordings.mcap_log import Record, open_recording
-from wayfi.recordings.messages import DEFAULT_TOPICS
-from wayfi.recordings.topics import Route, route
+from wayfi.recordings.mcap.recording import Record, open_recording
+from wayfi.recordings.ros.codec import decode
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS
+from wayfi.recordings.ros.topics import Route, route
 
 Channel = tuple[str, str, str]
 _LARGEST_STAMP_NS = 2**63 - 1

@@ -1,1 +1,1 @@
-"""The program: the pipeline, the command line, the replay and the daemon."""
+"""The program: the command line, the replay and the daemon."""

@@ -9,16 +9,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from wayfi.backend.backend_config import BackendConfig
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.grid_map import MapConfig
 from wayfi.backend.options import option
-from wayfi.frontends.closure import ClosureConfig
-from wayfi.frontends.lidar import LidarConfig
 from wayfi.frontends.measurements import Sensor
-from wayfi.frontends.odometry import OdometryConfig
-from wayfi.frontends.wifi import WifiConfig
-from wayfi.recordings.rerun_config import RerunConfig
+from wayfi.frontends.slam_config import SlamConfig
+from wayfi.recordings.rerun.config import RerunConfig
 
 
 class ConfigError(WayfiError):
@@ -77,15 +72,9 @@ class RecordingConfig:
 
 
 @dataclass(frozen=True)
-class Config:
-    """Everything that can be set, by section."""
+class Config(SlamConfig):
+    """Everything that can be set, by section: the estimation's settings, and the program's."""
 
-    odometry: OdometryConfig = field(default_factory=OdometryConfig)
-    lidar: LidarConfig = field(default_factory=LidarConfig)
-    wifi: WifiConfig = field(default_factory=WifiConfig)
-    closure: ClosureConfig = field(default_factory=ClosureConfig)
-    backend: BackendConfig = field(default_factory=BackendConfig)
-    map: MapConfig = field(default_factory=MapConfig)
     rerun: RerunConfig = field(default_factory=RerunConfig)
     zenoh: ZenohConfig = field(default_factory=ZenohConfig)
     recording: RecordingConfig = field(default_factory=RecordingConfig)

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from wayfi.backend.backend_config import BackendConfig
-from wayfi.backend.factors import Wheels
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.factors import Wheels
+from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.backend.pose_graph import PoseGraph
-from wayfi.frontends.fingerprints import Readings
+from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.keyframes import Keyframe, Keyframes
-from wayfi.frontends.odometry import OdometryConfig, PathPoint, calibration_prior, wheel_covariance
-from wayfi.frontends.verdicts import Verdicts
-from wayfi.frontends.wifi import Fingerprint, WifiCandidate
+from wayfi.frontends.odometry.driven_path import OdometryConfig, PathPoint, calibration_prior, wheel_covariance
+from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.wifi import Fingerprint, WifiCandidate
 
 sys.path.insert(0, str(Path(__file__).parent))
 from rooms import HALL, see

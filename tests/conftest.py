@@ -14,8 +14,7 @@ from wayfi.recordings.simulation.worlds import World
 os.environ["RERUN_ANALYTICS"] = "0"
 sys.path.insert(0, str(Path(__file__).parent))
 from drives import Simulated, replay_by_cli, simulated
-
-REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+from places import REAL_DATA
 
 
 @dataclass(frozen=True, slots=True)

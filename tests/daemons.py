@@ -20,23 +20,23 @@ from loopback import CLI, eventually, free_port
 from PIL import Image
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.recordings.codec import decode
-from wayfi.recordings.map_files import UNKNOWN
-from wayfi.recordings.mcap_log import open_recording
-from wayfi.recordings.messages import DIAGNOSTIC_ARRAY, NS_PER_S, POSE_WITH_COVARIANCE, TYPESTORE
-from wayfi.recordings.parts import BLACKBOX, parts_of
-from wayfi.recordings.ros_messages import Message
-from wayfi.recordings.topics import Encoding
-from wayfi.recordings.tum import read_tum
+from wayfi.recordings.files.map_files import UNKNOWN
+from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.ros.codec import decode, encode
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, NS_PER_S, POSE_WITH_COVARIANCE, TYPESTORE
+from wayfi.recordings.ros.ros_messages import Message
+from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import Config, ZenohConfig
-from wayfi.service.pace import Pace
-from wayfi.service.publish import publish_recording
-from wayfi.service.replay import ReplayOptions, replay, settings_for
-from wayfi.service.subscribers import SYNC
-from wayfi.service.zenoh_session import key_of, open_guest_session, open_session
+from wayfi.service.evaluation.trajectory_scores import absolute_error
+from wayfi.service.replay.pace import Pace
+from wayfi.service.replay.publish import publish_recording
+from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
+from wayfi.service.transport.subscribers import SYNC
+from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
 PREFIX = "robot7"
 MS_NS = 1_000_000
@@ -50,6 +50,10 @@ def accepts(endpoint: str) -> bool:
 
 def message_of(data: bytes, type_name: str) -> Message:
     return TYPESTORE.deserialize_cdr(data, type_name)
+
+
+def odometry(number: int, encoding: Encoding = Encoding.CDR) -> bytes:
+    return encode(Odometry((number + 1) * 100_000_000, Pose2(0.1 * number, 0.0, 0.0)), encoding)
 
 
 def into(keep: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:

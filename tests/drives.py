@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
@@ -21,15 +19,17 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.recordings.codec import encode
-from wayfi.recordings.mcap_log import McapWriter
-from wayfi.recordings.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
+from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.ros.codec import encode
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
+from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start
 from wayfi.recordings.simulation.worlds import World
-from wayfi.recordings.topics import Encoding
-from wayfi.recordings.tum import read_tum
+from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
-from wayfi.service.replay import ReplayOptions, replay
+from wayfi.service.evaluation.trajectory_scores import absolute_error
+from wayfi.service.replay.replay import ReplayOptions, replay
 
 SECOND_NS = 1_000_000_000
 RESULT_FILES = (

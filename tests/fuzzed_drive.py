@@ -18,8 +18,8 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.recordings.codec import encode
-from wayfi.recordings.topics import Encoding
+from wayfi.recordings.ros.codec import encode
+from wayfi.recordings.ros.topics import Encoding
 
 SENSORS = tuple(Sensor)
 SOUND_AT_ONCE, MUTATED_AT_ONCE = 60, 600

@@ -14,9 +14,9 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.json_codec import json_of_message
-from wayfi.recordings.messages import TYPE_OF_SENSOR, TYPESTORE
-from wayfi.recordings.topics import Encoding
+from wayfi.recordings.ros.json_codec import json_of_message
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE
+from wayfi.recordings.ros.topics import Encoding
 
 FLOATS = (
     *(0.0, -0.0, float("nan"), float("inf"), -float("inf"), 5e-324, 1e-45, 1e-300, 1e-7, 0.5, -1.0, 3.2, -57.3),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.health import State
+from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
 from wayfi.frontends.events import (
     CalibrationUpdated,

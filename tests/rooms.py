@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.laser_points import ScanPoints, walls_seen
+from wayfi.frontends.lidar.laser_points import walls_seen
+from wayfi.frontends.scan_points import ScanPoints
 from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
 from wayfi.recordings.simulation.surfaces import box, still
 

@@ -13,14 +13,14 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.recordings.codec import encode
-from wayfi.recordings.mcap_log import McapWriter
-from wayfi.recordings.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
+from wayfi.recordings.files.tum import write_tum
+from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.ros.codec import encode
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
+from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
 from wayfi.recordings.simulation.spatial import spatial_measurements
 from wayfi.recordings.simulation.worlds import World
-from wayfi.recordings.topics import Encoding
-from wayfi.recordings.tum import write_tum
 
 _SENSOR_OF: dict[type[Measurement], Sensor] = {
     StaticTransforms: Sensor.TF_STATIC,

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2, compose_all
-from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
@@ -28,6 +27,7 @@ from wayfi.recordings.simulation.people import people
 from wayfi.recordings.simulation.roughness import roughened
 from wayfi.recordings.simulation.surfaces import Surfaces, join
 from wayfi.recordings.simulation.worlds import BLUEPRINTS, Blueprint, World
+from wayfi.recordings.trajectory import Trajectory
 
 EPOCH_NS = 1_700_000_000_000_000_000
 ODOM_PERIOD_NS = 100_000_000

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayfi.backend.pose2 import Floats
-from wayfi.backend.trajectory import Trajectory
+from wayfi.recordings.trajectory import Trajectory
+from wayfi.service.drive.timing import StageTimer
 from wayfi.service.reproduction.batch_graph import optimise
 from wayfi.service.reproduction.laser_stages import close_scans, lidar_closures
 from wayfi.service.reproduction.messages import Progress
@@ -17,7 +18,6 @@ from wayfi.service.reproduction.recorded_drive import RecordedDrive
 from wayfi.service.reproduction.similarities import Similarities, all_similarities
 from wayfi.service.reproduction.similarity_model import distance_closures, learn_model
 from wayfi.service.reproduction.wifi_closures import Closures, Pairs, candidate_pairs, sequence_closures
-from wayfi.service.timing import StageTimer
 
 WINDOW, NEIGHBOURS = 80, 2  # the paper's choice of w and k
 

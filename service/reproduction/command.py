@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
+from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
-from wayfi.recordings.tum import read_tum
-from wayfi.service.console import Output
+from wayfi.recordings.trajectory import Trajectory
+from wayfi.service.evaluation.trajectory_scores import absolute_error
+from wayfi.service.process.console import Output
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.algorithm1 import NEIGHBOURS, WINDOW, Reproduction, run_algorithm1
 from wayfi.service.reproduction.errors import ReproductionError

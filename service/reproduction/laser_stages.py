@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.frontends.icp import IcpConfig, icp
-from wayfi.frontends.laser_points import ScanPoints
-from wayfi.frontends.point_index import PointIndex, build_index
+from wayfi.frontends.lidar.icp import IcpConfig, icp
+from wayfi.frontends.lidar.point_index import PointIndex, build_index
+from wayfi.frontends.scan_points import ScanPoints
 from wayfi.service.reproduction.messages import Progress
 from wayfi.service.reproduction.wifi_closures import Closures, Pairs
 

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.mcap_log import open_recording
-from wayfi.recordings.messages import DEFAULT_TOPICS
-from wayfi.recordings.topics import Encoding, route
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS
+from wayfi.recordings.ros.topics import Encoding, route
 
 Progress = Callable[[float], None]
 

@@ -11,9 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wayfi.backend.pose2 import Floats
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
-from wayfi.recordings.files import write_bytes
+from wayfi.recordings.files.atomic_files import write_bytes
+from wayfi.recordings.trajectory import Trajectory
+from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.reproduction.tables import COLUMNS, SWEPT, Table, figure_text
 
 _COLORS = dict(zip(COLUMNS, ("#8a94a0", "#1f6fd0", "#2e9e5b"), strict=True))

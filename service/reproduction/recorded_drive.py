@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.backend.trajectory import Stamps, Trajectory
-from wayfi.frontends.fingerprints import Readings, usable_readings
-from wayfi.frontends.laser_points import ScanPoints, beam_points, planar_mount, to_base, walls_seen
+from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, to_base, walls_seen
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
-from wayfi.recordings.codec import decode
-from wayfi.recordings.codec_error import CodecError
+from wayfi.frontends.scan_points import ScanPoints
+from wayfi.frontends.wifi.fingerprints import Readings, usable_readings
+from wayfi.recordings.ros.codec import decode
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.trajectory import Stamps, Trajectory
 from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.messages import Progress, sensor_messages
 

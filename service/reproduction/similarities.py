@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.frontends.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.wifi.fingerprints import FingerprintIndex, Readings
 from wayfi.service.reproduction.messages import Progress
 
 SIGMA_DB = 6.0  # the paper's sigma^2 = 36 dB^2

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.recordings.log import NullLog
+from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import config_of
-from wayfi.service.drive import Drive
+from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.reproduction.messages import Progress, sensor_messages
 from wayfi.service.reproduction.sweep_figures import SweepFigures, closure_errors
-from wayfi.service.warm_up import warm_up
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, between_all
-from wayfi.backend.scoring import EDGE_S, GAP_S
-from wayfi.backend.trajectory import Flags, Stamps, Trajectory
+from wayfi.recordings.trajectory import Flags, Stamps, Trajectory
+from wayfi.service.evaluation.trajectory_scores import EDGE_S, GAP_S
 
 
 @dataclass(frozen=True, slots=True)

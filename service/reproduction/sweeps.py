@@ -2,8 +2,8 @@
 
 import time
 
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
+from wayfi.recordings.trajectory import Trajectory
+from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.algorithm1 import NEIGHBOURS, WINDOW, WifiStage
 from wayfi.service.reproduction.batch_graph import optimise

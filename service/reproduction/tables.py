@@ -5,7 +5,7 @@ import io
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from wayfi.recordings.files import write_text
+from wayfi.recordings.files.atomic_files import write_text
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.methods import Method, Stage
 from wayfi.service.reproduction.sweep_figures import SweepFigures

@@ -23,7 +23,7 @@ from drives import Simulated, run, simulated, write
 from loopback import eventually
 from rerun.experimental import ViewerClient
 
-from wayfi.recordings.mcap_log import open_recording
+from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.simulation.worlds import World
 
 UNDISTURBED_S = 20.0  # at the end of the drive that is killed

@@ -20,19 +20,19 @@ from pathlib import Path
 import numpy as np
 from run import RESULTS, Case, chosen, commit, make, row, say
 
-from wayfi.backend.scoring import absolute_error
-from wayfi.backend.trajectory import Trajectory
+from wayfi.frontends import slam
 from wayfi.frontends.measurements import LaserScan, Measurement
-from wayfi.frontends.receivers import ReceiverOffset
-from wayfi.frontends.wifi import Wifi, WifiCandidate, WifiConfig
-from wayfi.recordings.codec import decode
-from wayfi.recordings.mcap_log import open_recording
-from wayfi.recordings.messages import DEFAULT_TOPICS
-from wayfi.recordings.topics import Encoding
-from wayfi.recordings.tum import read_tum
-from wayfi.service import slam
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.wifi.receivers import ReceiverOffset
+from wayfi.frontends.wifi.wifi import Wifi, WifiCandidate, WifiConfig
+from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.ros.codec import decode
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS
+from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
-from wayfi.service.pipeline import Pipeline
+from wayfi.service.evaluation.trajectory_scores import absolute_error
 
 SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9)
 FALSE_M = 6.0

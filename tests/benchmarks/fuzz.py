@@ -29,7 +29,7 @@ from wayfi.frontends.measurements import LaserScan, Measurement, Odometry
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.config import load_config
-from wayfi.service.drive import Drive
+from wayfi.service.drive.drive import Drive
 
 KINDS = ("scans", "clouds", "laser alone")
 SLACK_MB = 64.0

@@ -21,12 +21,12 @@ import numpy as np
 from run import RESULTS, Case, chosen, commit, make, row, say
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends import lidar_closer
-from wayfi.frontends.closure import Check, ClosureConfig, Expected, check
-from wayfi.frontends.laser_points import ScanPoints
-from wayfi.frontends.lidar import LidarConfig
+from wayfi.frontends.closures import lidar_closer
+from wayfi.frontends.closures.lidar_check import Check, ClosureConfig, Expected, check
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.scan_points import ScanPoints
 from wayfi.service.config import load_config
-from wayfi.service.replay import ReplayOptions, replay
+from wayfi.service.replay.replay import ReplayOptions, replay
 
 HALF_AXES = np.array([3.0, 3.0, 0.3])  # m, m, rad
 ROUNDS = 3

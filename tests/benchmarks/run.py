@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.frontends.events import ClosureKind
+from wayfi.recordings.files.tables import ClosureRow
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
-from wayfi.recordings.tables import ClosureRow
-from wayfi.service.evaluate import Evaluation, TrajectoryScore, evaluate
+from wayfi.service.evaluation.evaluate import Evaluation, TrajectoryScore, evaluate
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL, MADE, RESULTS = (

@@ -62,7 +62,8 @@ def main() -> int:
         for recording in recordings:
             differing = differences(*(side / recording.name for side in sides))
             same = same and not differing
-            print(f"{recording.name}: {', '.join(differing) + ' differ' if differing else 'the same bytes'}")
+            said = f"{', '.join(differing)} differ" if differing else "the same bytes"
+            sys.stdout.write(f"{recording.name}: {said}\n")
     return 0 if same else 1
 
 

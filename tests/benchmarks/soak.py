@@ -21,9 +21,9 @@ import matplotlib
 import numpy as np
 import zenoh
 
-from wayfi.recordings.messages import DIAGNOSTIC_ARRAY, TYPESTORE
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, TYPESTORE
 from wayfi.service.config import ZenohConfig
-from wayfi.service.zenoh_session import UnreachableError, open_guest_session
+from wayfi.service.transport.zenoh_session import UnreachableError, open_guest_session
 
 matplotlib.use("Agg")
 CLI = [sys.executable, "-m", "wayfi.service.cli"]

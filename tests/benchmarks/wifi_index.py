@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from run import RESULTS, commit, row, say
 
-from wayfi.frontends.access_points import AccessPoints
-from wayfi.frontends.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.wifi.access_points import AccessPoints
+from wayfi.frontends.wifi.fingerprints import FingerprintIndex, Readings
 
 Floats = NDArray[np.float64]
 

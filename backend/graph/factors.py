@@ -1,0 +1,87 @@
+"""The constraints that the pose graph is made of, and what a sound one is.
+
+gtsam's update keeps a bad factor after it has raised: what is not sound must never reach it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.errors import WayfiError
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2
+
+
+class FactorError(WayfiError):
+    """A factor that would have poisoned the graph."""
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """A relative-pose constraint: T_a_b with its (3, 3) covariance in (x, y, theta) of a, m and rad."""
+
+    a: int
+    b: int
+    T_a_b: Pose2
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Wheels:
+    """What the wheels said between keyframes a and b, with the (3, 3) covariance of its random part."""
+
+    a: int
+    b: int
+    motion: WheelMotion
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Near:
+    """`place_a` (2,) m in keyframe a and `place_b` (2,) m in keyframe b are one place, to `sigma_m` along each axis."""
+
+    a: int
+    b: int
+    place_a: Floats
+    place_b: Floats
+    sigma_m: float
+
+
+Factor = Between | Wheels | Near
+
+
+def closes_loop(factor: Factor) -> bool:
+    """Whether a factor ties keyframes that do not follow on each other."""
+    return isinstance(factor, Near) or (isinstance(factor, Between) and abs(factor.a - factor.b) > 1)
+
+
+def validate(factor: Factor, keyframes: int) -> None:
+    """Raises FactorError if a graph of `keyframes` could not be estimated with it."""
+    name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
+    if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
+        raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")
+    if isinstance(factor, Near):
+        _validate_places(name, factor)
+    else:
+        _validate_motion(name, factor)
+        _validate_covariance(name, factor.covariance)
+
+
+def _validate_places(name: str, near: Near) -> None:
+    if not (np.isfinite([*near.place_a, *near.place_b]).all() and 0 < near.sigma_m < math.inf):
+        raise FactorError(f"{name}: its places must be finite, and its sigma finite and above zero")
+
+
+def _validate_motion(name: str, factor: Between | Wheels) -> None:
+    pose = factor.T_a_b if isinstance(factor, Between) else factor.motion.pose
+    way = (0.0, 0.0) if isinstance(factor, Between) else (factor.motion.path_m, factor.motion.seconds)
+    if not pose.is_finite() or not np.isfinite(way).all() or not np.isfinite(factor.covariance).all():
+        raise FactorError(f"{name}: its pose, path, time and covariance must be finite")
+
+
+def _validate_covariance(name: str, covariance: Floats) -> None:
+    if covariance.shape != (3, 3) or not np.allclose(covariance, covariance.T, rtol=1e-6):
+        raise FactorError(f"{name}: its covariance must be a symmetric 3 x 3 matrix")
+    if np.linalg.eigvalsh(covariance)[0] <= 0:
+        raise FactorError(f"{name}: its covariance must be positive definite")

@@ -1,0 +1,122 @@
+"""The factors of the graph, as gtsam takes them. Covariances come in (x, y, theta) of the earlier pose, m and rad."""
+
+import math
+from collections.abc import Callable
+
+import gtsam
+import numpy as np
+
+from wayfi.backend.graph.factors import Between, Factor, Near, Wheels
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2, wrap
+
+CALIBRATION = gtsam.symbol("c", 0)
+
+
+def pose_key(keyframe: int) -> int:
+    """gtsam's key of a keyframe's pose."""
+    return int(gtsam.symbol("x", keyframe))
+
+
+def in_b(covariance: Floats, theta_a_b: float) -> Floats:
+    """A covariance (3, 3) of T_a_b in the axes of a, in the axes of b (where gtsam's tangent space lies)."""
+    c, s = math.cos(theta_a_b), math.sin(theta_a_b)
+    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned: Floats = R @ covariance @ R.T
+    return turned
+
+
+def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
+    """The factor, the wheels' calibration estimated with it."""
+    if isinstance(factor, Between):
+        return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
+    if isinstance(factor, Near):
+        return near_factor(factor.a, factor.b, factor.place_a, factor.place_b, factor.sigma_m)
+    return wheel_factor(factor.a, factor.b, factor.motion, factor.covariance)
+
+
+def calibrated_factor(factor: Factor, calibration: Floats) -> gtsam.NonlinearFactor:
+    """The factor when the calibration (4,) is known: gtsam's own, which is many times faster, for the wheels."""
+    if isinstance(factor, Wheels):
+        return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
+    return gtsam_factor(factor)
+
+
+def origin_factor() -> gtsam.NonlinearFactor:
+    """The first keyframe is the origin of `map`."""
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-4, 1e-4, 1e-4]))
+    return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(), noise)
+
+
+def between_factor(a: int, b: int, T_a_b: Pose2, covariance: Floats) -> gtsam.NonlinearFactor:
+    """The constraint that keyframe b stands at `T_a_b` in keyframe a."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(in_b(covariance, T_a_b.theta))
+    return gtsam.BetweenFactorPose2(pose_key(a), pose_key(b), gtsam.Pose2(T_a_b.x, T_a_b.y, T_a_b.theta), noise)
+
+
+def wheel_factor(a: int, b: int, motion: WheelMotion, covariance: Floats) -> gtsam.NonlinearFactor:
+    """The constraint between two keyframes and the wheels' calibration (see wheel_calibration)."""
+    keys = [pose_key(a), pose_key(b), CALIBRATION]
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    return gtsam.CustomFactor(noise, keys, _wheel_error(keys, motion))
+
+
+def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
+    turn = np.array([0.0, motion.pose.theta, motion.path_m, motion.seconds])
+
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        calibration = values.atVector(keys[2])
+        T_a_b = values.atPose2(keys[0]).between(values.atPose2(keys[1]))
+        expected = motion.corrected(calibration)
+        x, y, theta = T_a_b.x(), T_a_b.y(), T_a_b.theta()
+        if jacobians is not None:
+            c, s = math.cos(theta), math.sin(theta)
+            # d(x, y, theta) of T_a_b by a right perturbation of a: -Ad, mapped to the axes of a, is this directly
+            jacobians[0] = np.array([[-1.0, 0.0, y], [0.0, -1.0, -x], [0.0, 0.0, -1.0]], order="F")
+            jacobians[1] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], order="F")
+            by_calibration = np.zeros((3, 4), order="F")
+            by_calibration[0] = 0.5 * expected.y * turn
+            by_calibration[1] = -0.5 * expected.x * turn
+            by_calibration[2] = -turn
+            by_calibration[0, 0] -= expected.x / (1 + calibration[0])
+            by_calibration[1, 0] -= expected.y / (1 + calibration[0])
+            jacobians[2] = by_calibration
+        return np.array([x - expected.x, y - expected.y, wrap(theta - expected.theta)])
+
+    return error
+
+
+def near_factor(a: int, b: int, place_a: Floats, place_b: Floats, sigma_m: float) -> gtsam.NonlinearFactor:
+    """The constraint that `place_a` (2,) m in keyframe a and `place_b` in keyframe b are one place, to `sigma_m`.
+
+    "0 m apart", said hundreds of times, would shrink the map: the distance is counted in the wheels' own metres, so
+    that these constraints say nothing of the wheels' scale.
+    """
+    keys = [pose_key(a), pose_key(b), CALIBRATION]
+    noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_m)
+    return gtsam.CustomFactor(noise, keys, _near_error(keys, place_a, place_b))
+
+
+def _near_error(keys: list[int], place_a: Floats, place_b: Floats) -> Callable[..., Floats]:
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        scale = 1.0 + values.atVector(keys[2])[0]
+        (at_a, by_a), (at_b, by_b) = (
+            _placed(values.atPose2(key), place) for key, place in zip(keys[:2], (place_a, place_b), strict=True)
+        )
+        apart: Floats = (at_b - at_a) / scale
+        if jacobians is not None:
+            by_calibration = np.zeros((2, 4), order="F")
+            by_calibration[:, 0] = -apart / scale
+            jacobians[0] = np.asfortranarray(-by_a / scale)
+            jacobians[1] = np.asfortranarray(by_b / scale)
+            jacobians[2] = by_calibration
+        return apart
+
+    return error
+
+
+def _placed(pose: gtsam.Pose2, place: Floats) -> tuple[Floats, Floats]:
+    """Where a place in a keyframe lies in `map`, and the (2, 3) derivative by a small motion of the keyframe."""
+    c, s = math.cos(pose.theta()), math.sin(pose.theta())
+    R = np.array([[c, -s], [s, c]])
+    return R @ place + (pose.x(), pose.y()), np.column_stack([R, R @ (-place[1], place[0])])

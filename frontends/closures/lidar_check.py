@@ -1,0 +1,140 @@
+"""From a loop candidate to a verdict: the bounded check by scan matching, and the gate against what is known."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.graph.health import position_sigma
+from wayfi.backend.options import option
+from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
+from wayfi.frontends.closures.consensus import ConsensusConfig
+from wayfi.frontends.lidar.correlative import Window, build_field, search
+from wayfi.frontends.lidar.icp import icp
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
+from wayfi.frontends.scan_points import ScanPoints
+
+LEAST_WINDOW = (0.4, 0.1)  # m, rad: searched however sure the estimate is, for it may be sure and wrong
+
+
+@dataclass(frozen=True)
+class ClosureConfig:
+    """Which candidates are checked, how far the check looks, and what it takes to be believed."""
+
+    radius_m: float = option(5.0, "m", "the paper: LiDAR closures between poses that the estimate puts this near")
+    min_path_m: float = option(15.0, "m", "nearer along the path the local submap has already closed it")
+    check_every_m: float = option(1.0, "m", "checks nearer to each other see the same walls")
+    closed_m: float = option(
+        6.0, "m", "of way by the newest closures: nearer than this, another one would tell nothing new"
+    )
+    submap_reach: int = option(7, "keyframes", "on each side of the candidate: 7 m of path")
+    max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
+    max_window_rad: float = option(0.5, "rad", "as above")
+    min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
+    max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
+    max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
+    gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
+    drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
+    drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
+    remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is taken back")
+    sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
+    sigma_floor_rad: float = option(0.004, "rad", "as above")
+    consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Where b is expected in a, with the (3, 3) covariance of that in a's axes, m and rad."""
+
+    T_a_b: Pose2
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """A bounded check: where it puts b in a, its (3, 3) covariance, and why it is refused ("" if it is not)."""
+
+    T_a_b: Pose2
+    covariance: Floats
+    inlier_ratio: float
+    residual_m: float
+    second_peak: float
+    submap: Floats
+    refused: str
+
+
+def nearest_candidate(
+    keyframe: int, poses: Floats, paths: Floats, has_scan: NDArray[np.bool_], config: ClosureConfig
+) -> int | None:
+    """The keyframe with a scan nearest to `keyframe` in the estimate `poses` (n, 3), `min_path_m` or more before it."""
+    last = int(np.searchsorted(paths, paths[keyframe] - config.min_path_m))
+    earlier = np.flatnonzero(has_scan[:last])
+    if len(earlier) == 0:
+        return None
+    distance = np.hypot(*(poses[earlier, :2] - poses[keyframe, :2]).T)
+    turned = np.abs(between_all(poses[keyframe], poses[earlier])[:, 2])
+    cost = distance + 0.5 * turned
+    best = int(np.argmin(cost))
+    return int(earlier[best]) if distance[best] <= config.radius_m else None
+
+
+def check(
+    scan: ScanPoints,
+    submap_scans: list[ScanPoints],
+    submap_poses: Floats,
+    expected: Expected,
+    config: ClosureConfig,
+    lidar: LidarConfig,
+) -> Check | None:
+    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) where it is `expected`; None if empty."""
+    submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
+    if submap is None or len(scan.points) < lidar.min_points:
+        return None
+    most = (config.max_window_m, config.max_window_rad)
+    window = Window.of(expected.covariance, config.gate_chi2, LEAST_WINDOW, most)
+    likelihood = build_field(submap.points, lidar.correlative)
+    peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
+    result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
+    floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
+    covariance = match_covariance(result, lidar) + floor
+    second = peak.second_score / max(peak.score, 1e-9)
+    chi2 = innovation_chi2(expected, result.T_target_scan, covariance)
+    refused = ""
+    if result.inlier_ratio < config.min_inlier_ratio:
+        refused = f"inlier ratio {result.inlier_ratio:.2f} under {config.min_inlier_ratio}"
+    elif position_sigma(covariance) > config.max_sigma_m:
+        refused = "the walls leave the pose open along them"
+    elif second > config.max_second_peak:
+        refused = f"ambiguous: second peak {second:.2f} of the best"
+    elif peak.pose.distance(result.T_target_scan) > 3 * lidar.correlative.blur_m:
+        refused = "ICP left the peak that the search found"
+    elif chi2 > config.gate_chi2:
+        refused = f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}"
+    return Check(
+        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second, submap.points, refused
+    )
+
+
+def at_one_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_m: float) -> tuple[Expected, float]:
+    """What is expected of T_a_b if `place_a` (2,) m in a and `place_b` in b are one, to `sigma_m` along each axis.
+
+    Also the chi2 (2 degrees of freedom) by which that contradicts what was expected before.
+    """
+    T = expected.T_a_b
+    turned = Pose2(0.0, 0.0, T.theta).transform(place_b[None])[0]
+    J = np.array([[1.0, 0.0, -turned[1]], [0.0, 1.0, turned[0]]])
+    apart = place_a - turned - (T.x, T.y)
+    C = expected.covariance
+    S = J @ C @ J.T + sigma_m**2 * np.eye(2)
+    gain = C @ J.T @ np.linalg.inv(S)
+    covariance = C - gain @ J @ C
+    nearer = Expected(Pose2.of(T.array() + gain @ apart), 0.5 * (covariance + covariance.T))
+    return nearer, float(apart @ np.linalg.solve(S, apart))
+
+
+def innovation_chi2(expected: Expected, measured: Pose2, covariance: Floats) -> float:
+    """Squared Mahalanobis distance of `measured` T_a_b, of (3, 3) `covariance` in a's axes, from what is expected."""
+    T = expected.T_a_b
+    e = np.array([measured.x - T.x, measured.y - T.y, wrap(measured.theta - T.theta)])
+    return float(e @ np.linalg.solve(expected.covariance + covariance, e))

@@ -1,0 +1,170 @@
+"""Closing loops with the laser: candidates from the estimate and from WiFi, checked, judged, taken back if wrong."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.graph.factors import Between
+from wayfi.backend.graph.health import position_sigma
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.closures.lidar_check import (
+    Check,
+    ClosureConfig,
+    Expected,
+    at_one_place,
+    check,
+    innovation_chi2,
+    nearest_candidate,
+)
+from wayfi.frontends.closures.verdicts import Verdicts
+from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
+from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.wifi.wifi import WifiCandidate
+
+REVIEWED = 20  # accepted closures: those that a new one may contradict
+
+
+@dataclass(frozen=True, slots=True)
+class _Proposed:
+    """Two keyframes that may be near each other, and who says so."""
+
+    a: int
+    b: int
+    proposed_by: str
+    similarity: float = np.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tried:
+    """What came of a WiFi candidate that the laser saw: `events`, and whether its loop is `closed` by it.
+
+    It is `open` if it is not, and the estimate knows less of the two places than WiFi claims.
+    """
+
+    events: list[Event]
+    closed: bool = False
+    open: bool = False
+
+
+class LidarCloser:
+    """Adds factors to the graph for candidates that pass the check, and removes those that prove wrong."""
+
+    def __init__(
+        self,
+        graph: PoseGraph,
+        keyframes: Keyframes,
+        verdicts: Verdicts,
+        closure: ClosureConfig,
+        lidar: LidarConfig,
+        timer: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
+    ) -> None:
+        self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
+        self._closure, self._lidar, self._timer = closure, lidar, timer
+        self._accepted: dict[int, int] = {}
+        self._last_check_m = -np.inf
+
+    def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
+        """Check the newest keyframe against the nearest earlier one that the estimate offers."""
+        here = self._keyframes[keyframe]
+        if here.scan is None or here.point.path_m - self._last_check_m < self._closure.check_every_m:
+            return []
+        keyframes = self._keyframes
+        a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
+        if a is None:
+            return []
+        self._last_check_m = here.point.path_m
+        if self._way_m(a, keyframe) < self._closure.closed_m:
+            return []
+        expected = self._expected(a, keyframe, poses)
+        return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
+
+    def sees(self, candidate: WifiCandidate) -> bool:
+        """Whether the laser saw both places of a WiFi candidate."""
+        a, b = candidate.a.keyframe, candidate.b.keyframe
+        return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
+
+    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> Tried:
+        """Check what WiFi proposes, where the laser `sees` it; what lies on a way that is closed is not judged."""
+        a, b = candidate.a, candidate.b
+        if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
+            return Tried([])
+        expected = self._expected(a.keyframe, b.keyframe, poses)
+        is_open = position_sigma(expected.covariance) > candidate.sigma_m
+        nearer, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
+        proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
+        if chi2 > self._closure.gate_chi2:
+            why = f"WiFi contradicts the estimate: chi2 {chi2:.1f} over {self._closure.gate_chi2}"
+            return Tried([self._judge(proposed, _unchecked(nearer, why))], open=is_open)
+        events = self._close(proposed, nearer, stamp_ns, poses)
+        closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
+        return Tried(events, closed, is_open and not closed)
+
+    def review(self, poses: Floats) -> list[Event]:
+        """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
+        events: list[Event] = []
+        for number in sorted(self._accepted)[-REVIEWED:]:
+            judged = self._verdicts[number]
+            T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
+            chi2 = innovation_chi2(Expected(T, np.zeros((3, 3))), judged.T_a_b, judged.covariance)
+            if chi2 > self._closure.remove_chi2:
+                self._graph.remove(self._accepted.pop(number))
+                reason = f"the estimate moved {chi2:.0f} chi2 away from it"
+                events.append(self._verdicts.change(number, Verdict.REMOVED, reason))
+        return events
+
+    def withdraw(self, reason: str) -> list[Event]:
+        """Take back every closure."""
+        numbers = sorted(self._accepted)
+        for number in numbers:
+            self._graph.remove(self._accepted.pop(number))
+        return [self._verdicts.change(number, Verdict.REMOVED, reason) for number in numbers]
+
+    def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
+        a, b = proposed.a, proposed.b
+        reach = self._closure.submap_reach
+        scans, placed, _ = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
+        scan = self._keyframes[b].scan
+        assert scan is not None
+        with self._timer("check"):
+            done = check(scan, scans, placed, expected, self._closure, self._lidar)
+        if done is None:
+            return [self._judge(proposed, _unchecked(expected, "too few points to check"))]
+        shown = CheckDone(
+            stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
+        )
+        return [shown, self._judge(proposed, done)]
+
+    def _expected(self, a: int, b: int, poses: Floats) -> Expected:
+        """T_a_b by the estimate; to its covariance is added what its factors leave out: drift that adds up one way."""
+        path_m = self._way_m(a, b)
+        drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
+        covariance = self._graph.relative_covariance(a, b) + np.diag(drift**2)
+        return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
+
+    def _way_m(self, a: int, b: int) -> float:
+        """The shortest way (m) from a to b: the path between them, or by one of the newest closures."""
+        path = self._keyframes.paths_m
+        closures = [self._verdicts[number] for number in list(self._accepted)[-REVIEWED:]]
+        ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
+        return float(min([abs(path[b] - path[a]), *ways]))
+
+    def _judge(self, p: _Proposed, done: Check) -> ClosureJudged:
+        refused = done.refused
+        verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
+        judged = self._verdicts.enter(ClosureJudged(
+            0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
+            p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,
+            refused or "agrees with the estimate",
+        ))  # fmt: skip
+        if not refused:
+            self._accepted[judged.closure] = self._graph.add(Between(p.a, p.b, done.T_a_b, done.covariance))
+        return judged
+
+
+def _unchecked(expected: Expected, why: str) -> Check:
+    """The check of a candidate that is refused before its scans are compared."""
+    return Check(expected.T_a_b, expected.covariance, np.nan, np.nan, np.nan, np.empty((0, 2)), why)

@@ -1,0 +1,98 @@
+"""KISS-ICP's local map and registration, for a robot that stays on level ground: poses go in and come out in SE(2).
+
+Vizzo et al., "KISS-ICP: In Defense of Point-to-Point ICP" (RA-L 2023). Its parts are used rather than its whole, so
+that the wheels give the first guess (as in Guadagnino et al., "Kinematic-ICP", ICRA 2025), and so that no tilt builds
+up: the pose is put back into the plane before its points join the map.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from kiss_icp.config.parser import load_config
+from kiss_icp.mapping import get_voxel_hash_map
+from kiss_icp.registration import get_registration
+from kiss_icp.voxelization import voxel_down_sample
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.lidar.lidar_config import CloudConfig
+
+SETTLED = 2e-3  # m and rad of a step: near enough for the fit that follows
+
+
+class CloudMap:
+    """The points of the last clouds around the robot."""
+
+    def __init__(self, config: CloudConfig, max_range_m: float) -> None:
+        self._config = config
+        self._max_range_m = max_range_m
+        self._begin()
+        self._middle = np.array([0.0, 0.0, 0.5 * (config.low_m + config.high_m)])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but KISS-ICP's own objects, which cannot be pickled: in their place the points."""
+        state = {name: value for name, value in vars(self).items() if name not in ("_map", "_registration")}
+        return state | {"points": self.points()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A map of the same points."""
+        points = state.pop("points")
+        vars(self).update(state)
+        self._begin()
+        self._map.add_points(points)
+
+    def _begin(self) -> None:
+        kiss = load_config(None)
+        kiss.data.max_range = self._max_range_m
+        kiss.mapping.voxel_size = self._config.voxel_m
+        kiss.registration.max_num_threads = 1
+        kiss.registration.max_num_iterations = self._config.iterations
+        kiss.registration.convergence_criterion = SETTLED
+        self._map = get_voxel_hash_map(kiss)
+        self._registration = get_registration(kiss)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it holds nothing yet."""
+        return bool(self._map.empty())
+
+    def thinned(self, points: Floats) -> Floats:
+        """(m, 3) of the band's points (n, 3) in base_link, one in each half voxel, heights from the band's middle.
+
+        About the middle, what little roll and pitch the registration finds does not shift x and y.
+        """
+        return np.asarray(voxel_down_sample(points - self._middle, 0.5 * self._config.voxel_m))
+
+    def keypoints(self, thinned: Floats) -> Floats:
+        """(k, 3) of the thinned points (m, 3), one in each 1.5 voxels: those that are registered."""
+        return np.asarray(voxel_down_sample(thinned, 1.5 * self._config.voxel_m))
+
+    def align(self, keypoints: Floats, guess: Pose2) -> Pose2:
+        """T_map_base of keypoints (k, 3), from `guess`; the guess itself, silently, where nothing overlaps."""
+        kernel_m = self._config.kernel_m
+        return _planar(
+            self._registration.align_points_to_map(keypoints, self._map, _spatial(guess), 3 * kernel_m, kernel_m)
+        )
+
+    def add(self, thinned: Floats, T_map_base: Pose2) -> None:
+        """Add thinned points (m, 3) at a pose, and forget what has come to lie out of range."""
+        self._map.update(thinned, _spatial(T_map_base))
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._map.clear()
+
+    def points(self) -> Floats:
+        """(p, 3) points of the map, m."""
+        return np.asarray(self._map.point_cloud()).reshape(-1, 3)
+
+
+def _spatial(T: Pose2) -> Floats:
+    """(4, 4) of a pose in the plane."""
+    c, s = math.cos(T.theta), math.sin(T.theta)
+    return np.array([[c, -s, 0.0, T.x], [s, c, 0.0, T.y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _planar(T: Floats) -> Pose2:
+    """The pose in the plane of a (4, 4) one."""
+    return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))

@@ -1,0 +1,72 @@
+"""The two trajectories of a drive: as it was published, and as it is believed at the end."""
+
+from array import array
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.graph.wheel_calibration import corrected_all
+from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
+from wayfi.frontends.odometry.driven_path import LONGEST_S, PathPoint
+
+
+class Trajectories:
+    """One entry for each accepted odometry message: its place on the path and the pose published for it."""
+
+    def __init__(self) -> None:
+        self._stamps = array("q")
+        self._path = array("d")
+        self._online = array("d")
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def add(self, point: PathPoint, published: Pose2) -> None:
+        """Add the next message."""
+        T = point.T_path_base
+        self._stamps.append(point.stamp_ns)
+        self._path.extend((T.x, T.y, T.theta, point.path_m))
+        self._online.extend((published.x, published.y, published.theta))
+
+    def stamps_ns(self) -> NDArray[np.int64]:
+        """(n,) stamps, strictly increasing."""
+        return np.array(self._stamps, np.int64)
+
+    def online(self) -> Floats:
+        """(n, 3) poses of base_link in `map` as they were published."""
+        return np.array(self._online, np.float64).reshape(-1, 3)
+
+    def final(self, keyframes: list[PathPoint], poses: Floats, calibration: Floats) -> Floats:
+        """(n, 3) poses given the keyframes' `poses` (m, 3): the wheels between them, bent to meet both ends."""
+        stamps, path = self.stamps_ns(), np.array(self._path, np.float64).reshape(-1, 4)
+        kf_stamps = np.array([k.stamp_ns for k in keyframes], np.int64)
+        kf_path = np.array([(*k.T_path_base.array(), k.path_m) for k in keyframes])
+        k = np.clip(np.searchsorted(kf_stamps, stamps, side="right") - 1, 0, len(keyframes) - 1)
+        since_s: Floats = (stamps - kf_stamps[k]).astype(np.float64) * 1e-9
+        driven = _motions(kf_path[k], path, since_s, calibration)
+        between_s: Floats = np.diff(kf_stamps).astype(np.float64) * 1e-9
+        whole = _motions(kf_path[:-1], kf_path[1:], between_s, calibration)
+        missing = between_all(whole, between_all(poses[:-1], poses[1:])) if len(poses) > 1 else np.zeros((0, 3))
+        missing = np.concatenate([missing, np.zeros((1, 3))])
+        share = _share(path[:, 3], stamps, kf_path[:, 3], kf_stamps, k)
+        return compose_all(compose_all(poses[k], driven), missing[k] * share[:, None])
+
+
+def _motions(start: Floats, end: Floats, seconds: Floats, calibration: Floats) -> Floats:
+    """(n, 3) motions from `start` to `end` (n, 4: x, y, theta, path), corrected by the calibration."""
+    if len(end) == 0:
+        return np.zeros((0, 3))
+    raw = between_all(start[:, :3], end[:, :3])
+    return corrected_all(np.column_stack([raw, end[:, 3] - start[:, 3], np.minimum(seconds, LONGEST_S)]), calibration)
+
+
+def _share(
+    path: Floats, stamps: NDArray[np.int64], kf_path: Floats, kf_stamps: NDArray[np.int64], k: NDArray[np.int64]
+) -> Floats:
+    """(n,) how much of the way from keyframe k to the next is done, 0 to 1: by path, by time where there is none."""
+    following = np.minimum(k + 1, len(kf_path) - 1)
+    length = kf_path[following] - kf_path[k]
+    seconds = np.maximum((kf_stamps[following] - kf_stamps[k]) * 1e-9, 1e-9)
+    by_time = (stamps - kf_stamps[k]) * 1e-9 / seconds
+    by_path = (path - kf_path[k]) / np.maximum(length, 1e-9)
+    return np.clip(np.where(length > 1e-3, by_path, by_time), 0.0, 1.0)

@@ -1,0 +1,22 @@
+"""The settings of the estimation, by section."""
+
+from dataclasses import dataclass, field
+
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.frontends.closures.lidar_check import ClosureConfig
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.odometry.driven_path import OdometryConfig
+from wayfi.frontends.wifi.wifi import WifiConfig
+
+
+@dataclass(frozen=True)
+class SlamConfig:
+    """Everything that the estimation can be told."""
+
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    wifi: WifiConfig = field(default_factory=WifiConfig)
+    closure: ClosureConfig = field(default_factory=ClosureConfig)
+    backend: BackendConfig = field(default_factory=BackendConfig)
+    map: MapConfig = field(default_factory=MapConfig)

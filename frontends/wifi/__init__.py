@@ -1,0 +1,1 @@
+"""WiFi: scans become fingerprints, and fingerprints propose loop candidates."""

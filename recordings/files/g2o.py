@@ -1,0 +1,50 @@
+"""The pose graph as g2o's text format: VERTEX_SE2 and EDGE_SE2 (Kümmerle et al., ICRA 2011)."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.graph.factors import Between, Factor, Near
+from wayfi.backend.graph.gtsam_factors import in_b
+from wayfi.backend.pose2 import Floats, Pose2, meeting
+from wayfi.recordings.files.atomic_files import write_text
+
+
+def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration: Floats) -> None:
+    """Write keyframes' `poses` (n, 3) in `map` and `factors`; wheels as `calibration` (4,) corrects them.
+
+    An edge's information is in the axes of its second pose, as g2o takes it.
+    """
+    lines = [f"VERTEX_SE2 {k} {_numbers(pose)}" for k, pose in enumerate(poses)]
+    lines += [_edge(factor, poses, calibration) for factor in factors]
+    if len(poses):
+        lines.append("FIX 0")  # last: some readers stop at it
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _edge(factor: Factor, poses: Floats, calibration: Floats) -> str:
+    if isinstance(factor, Near):
+        T, information = _near(factor, poses)
+    else:
+        T = factor.T_a_b if isinstance(factor, Between) else factor.motion.corrected(calibration)
+        information = _information(T, factor.covariance)
+    upper = information[np.triu_indices(3)]
+    return f"EDGE_SE2 {factor.a} {factor.b} {_numbers(T.array())} {_numbers(upper)}"
+
+
+def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(in_b(covariance, T_a_b.theta)), np.float64)
+
+
+def _near(factor: Near, poses: Floats) -> tuple[Pose2, Floats]:
+    """Two places that are one, turned as the poses are: of rank 2, which leaves turning about them open."""
+    turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
+    moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])
+    return meeting(factor.place_a, factor.place_b, turned), np.asarray(moved.T @ moved / factor.sigma_m**2, np.float64)
+
+
+def _numbers(values: NDArray[np.floating[Any]]) -> str:
+    return " ".join(f"{value:.9g}" for value in values)

@@ -1,0 +1,59 @@
+"""The occupancy grid as files: map.pgm and map.yaml for Nav2's map_server, map.png for a person."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.occupancy_grid import OccupancyGrid
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.events import GridRedrawn
+from wayfi.recordings.files.atomic_files import write_bytes, write_text
+
+OCCUPIED, FREE = 0, 254
+# map_server takes (255 - grey) / 255 for the probability and compares it with the thresholds of map.yaml: the usual
+# 205 for unknown is 0.196 and would come back as free with a free_thresh of 0.25; 128 is 0.498.
+UNKNOWN = 128
+
+
+def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
+    """Writes map.pgm, map.yaml and map.png into `directory`; `path_xy_m` (n, 2) m is drawn into the picture."""
+    write_drawn(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
+    from wayfi.recordings.files.map_picture import (
+        map_png,  # brings matplotlib, which a drive has no use for until its end
+    )
+
+    write_bytes(directory / "map.png", map_png(grid, path_xy_m))
+
+
+def write_drawn(directory: Path, drawn: GridRedrawn, config: MapConfig) -> None:
+    """Writes map.pgm and map.yaml into `directory`. Raises OSError."""
+    write_bytes(directory / "map.pgm", _pgm(_greys(drawn.occupancy, config)))
+    write_text(directory / "map.yaml", _yaml(drawn, config))
+
+
+def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:
+    greys = np.full(probability.shape, UNKNOWN, np.uint8)
+    greys[probability >= config.occupied_probability] = OCCUPIED
+    greys[probability <= config.free_probability] = FREE
+    return greys
+
+
+def _pgm(greys: NDArray[np.uint8]) -> bytes:
+    """A binary PGM, whose first row is the highest y."""
+    rows, columns = greys.shape
+    return f"P5\n{columns} {rows}\n255\n".encode() + greys[::-1].tobytes()
+
+
+def _yaml(drawn: GridRedrawn, config: MapConfig) -> str:
+    x, y = drawn.origin_xy_m
+    return (
+        "image: map.pgm\n"
+        "mode: trinary\n"
+        f"resolution: {drawn.resolution_m!r}\n"
+        f"origin: [{x:.6f}, {y:.6f}, 0.0]\n"
+        "negate: 0\n"
+        f"occupied_thresh: {config.occupied_probability!r}\n"
+        f"free_thresh: {config.free_probability!r}\n"
+    )

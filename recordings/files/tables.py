@@ -1,0 +1,151 @@
+"""closures.csv and radio.csv: the tables that a replay leaves for spreadsheets and scripts."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.errors import WayfiError
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import ClosureJudged, ClosureKind, Floats, Verdict
+from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.tum import seconds_text
+
+CLOSURE_COLUMNS = [
+    *("stamp_a_ns", "stamp_b_ns", "kind", "proposed_by", "similarity", "residual_m", "inlier_ratio"),
+    *("dx_m", "dy_m", "dtheta_rad", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt", "verdict", "reason"),
+]
+RADIO_COLUMNS = ["t", "x", "y", "receiver", "bssid", "rssi"]
+_UPPER = np.triu_indices(3)
+
+
+class TableError(WayfiError):
+    """A file that is not the table it should be."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosureRow:
+    """One row of closures.csv: a candidate T_a_b between two stamps and its verdict at the end.
+
+    `covariance` is (3, 3) in (x, y, theta) of a, m and rad. Where the heading is not claimed, theta is 0 and the
+    covariance's theta row and column are NaN. What the file leaves empty is NaN.
+    """
+
+    stamp_a_ns: int
+    stamp_b_ns: int
+    kind: ClosureKind
+    proposed_by: str
+    similarity: float
+    residual_m: float
+    inlier_ratio: float
+    T_a_b: Pose2
+    covariance: Floats
+    heading_claimed: bool
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadioPlace:
+    """A fingerprint at its estimated place x, y (m in map): `rssi` (n,) dBm, one for each of `bssids`."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    receiver: str
+    bssids: tuple[str, ...]
+    rssi: NDArray[np.float32]
+
+
+def write_closures(path: Path, verdicts: Iterable[ClosureJudged]) -> None:
+    """One row a candidate, in the order they came; a later verdict on the same candidate takes the row over."""
+    last = {verdict.closure: verdict for verdict in verdicts}
+    _write_table(path, CLOSURE_COLUMNS, (_closure_words(verdict) for verdict in last.values()))
+
+
+def read_closures(path: Path) -> list[ClosureRow]:
+    """The rows of `path`. Raises TableError where the header or a value is not that of closures.csv."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = csv.DictReader(file)
+            if rows.fieldnames != CLOSURE_COLUMNS:
+                raise TableError(f"{path}: its first line is not the header of closures.csv; was it written by wayfi?")
+            return [_closure_row(row, f"{path}, line {rows.line_num}") for row in rows]
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise TableError(f"{path}: no closures can be read ({reason})") from error
+
+
+def write_radio(path: Path, places: Iterable[RadioPlace]) -> None:
+    """One row a reading, in the order given."""
+    _write_table(path, RADIO_COLUMNS, (words for place in places for words in _radio_words(place)))
+
+
+def _write_table(path: Path, columns: list[str], rows: Iterable[list[str]]) -> None:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+def _closure_words(verdict: ClosureJudged) -> list[str]:
+    covariance = np.array(verdict.covariance, float)
+    theta = verdict.T_a_b.theta
+    if not verdict.heading_claimed:
+        theta = covariance[2, :] = covariance[:, 2] = math.nan
+    return [
+        str(verdict.stamp_a_ns),
+        str(verdict.stamp_b_ns),
+        verdict.kind.value,
+        verdict.proposed_by,
+        *(_word(value, ".4f") for value in (verdict.similarity, verdict.residual_m, verdict.inlier_ratio)),
+        *(_word(value, ".6f") for value in (verdict.T_a_b.x, verdict.T_a_b.y, theta)),
+        *(_word(value, ".6e") for value in covariance[_UPPER].tolist()),
+        verdict.verdict.value,
+        verdict.reason,
+    ]
+
+
+def _word(value: float, form: str) -> str:
+    return "" if math.isnan(value) else format(value, form)
+
+
+def _closure_row(row: dict[str, str], where: str) -> ClosureRow:
+    try:
+        covariance = np.empty((3, 3))
+        covariance[_UPPER] = [_number(row[column]) for column in CLOSURE_COLUMNS[10:16]]
+        covariance.T[_UPPER] = covariance[_UPPER]
+        heading_claimed = row["dtheta_rad"] != ""
+        theta = float(row["dtheta_rad"]) if heading_claimed else 0.0
+        return ClosureRow(
+            stamp_a_ns=int(row["stamp_a_ns"]),
+            stamp_b_ns=int(row["stamp_b_ns"]),
+            kind=ClosureKind(row["kind"]),
+            proposed_by=row["proposed_by"],
+            similarity=_number(row["similarity"]),
+            residual_m=_number(row["residual_m"]),
+            inlier_ratio=_number(row["inlier_ratio"]),
+            T_a_b=Pose2(_number(row["dx_m"]), _number(row["dy_m"]), theta),
+            covariance=covariance,
+            heading_claimed=heading_claimed,
+            verdict=Verdict(row["verdict"]),
+            reason=row["reason"],
+        )
+    except (ValueError, TypeError) as error:
+        raise TableError(f"{where}: not a row of closures.csv ({error})") from error
+
+
+def _number(word: str) -> float:
+    return float(word) if word else math.nan
+
+
+def _radio_words(place: RadioPlace) -> Iterator[list[str]]:
+    head = [seconds_text(place.stamp_ns), f"{place.x:.3f}", f"{place.y:.3f}", place.receiver]
+    for bssid, rssi in zip(place.bssids, place.rssi.tolist(), strict=True):
+        yield [*head, bssid, f"{rssi:.2f}"]

@@ -1,0 +1,97 @@
+"""Trajectories in the TUM format: `t x y z qx qy qz qw` a line, t in seconds."""
+
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.errors import WayfiError
+from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.trajectory import Floats, Stamps, Trajectory
+
+_INT64 = np.iinfo(np.int64)
+
+
+class TrajectoryError(WayfiError):
+    """A file that is no TUM trajectory."""
+
+
+def seconds_text(stamp_ns: int) -> str:
+    """`stamp_ns` in seconds with 9 decimals, exactly."""
+    whole, fraction = divmod(abs(stamp_ns), 1_000_000_000)
+    return f"{'-' if stamp_ns < 0 else ''}{whole}.{fraction:09d}"
+
+
+def stamp_of(text: str) -> int:
+    """The nanoseconds of seconds written in decimals, exactly (half a nanosecond to even).
+
+    Raises ValueError where it is no number or does not fit 64 bits.
+    """
+    try:
+        stamp_ns = int((Decimal(text) * 1_000_000_000).to_integral_value())
+    except (InvalidOperation, OverflowError) as error:
+        raise ValueError(f"{text!r} is no time in seconds") from error
+    if not _INT64.min <= stamp_ns <= _INT64.max:
+        raise ValueError(f"{text!r} s is out of range")
+    return stamp_ns
+
+
+def write_tum(path: Path, stamps_ns: Stamps, poses: Floats) -> None:
+    """Writes `poses` (n, 3) at `stamps_ns` (n,): stamps exactly, metres and quaternions with 9 decimals."""
+    half = poses[:, 2] / 2
+    columns = np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
+    rounded = np.round(columns, 9) + 0.0  # + 0.0 takes the sign off -0.0
+    lines = [
+        f"{seconds_text(stamp_ns)} {x:.9f} {y:.9f} 0 0 0 {qz:.9f} {qw:.9f}\n"
+        for stamp_ns, (x, y, qz, qw) in zip(stamps_ns.tolist(), rounded.tolist(), strict=True)
+    ]
+    write_text(path, "".join(lines))
+
+
+def read_tum(path: Path) -> Trajectory:
+    """The trajectory in `path`, in order of time; lines that start with # are passed over.
+
+    z and the tilt are left out. Raises TrajectoryError where a line is not eight finite numbers, or there is none.
+    """
+    stamps: list[int] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(_read(path).splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            t, *rest = line.split()
+            stamps.append(stamp_of(t))
+            rows.append(_seven(rest))
+        except ValueError as error:
+            raise TrajectoryError(f"{path}, line {number}: not `t x y z qx qy qz qw` ({error})") from error
+    if not rows:
+        raise TrajectoryError(f"{path}: no pose in it; a TUM trajectory has `t x y z qx qy qz qw` on each line")
+    values, stamps_ns = np.array(rows), np.array(stamps, np.int64)
+    order = np.argsort(stamps_ns, kind="stable")
+    return Trajectory(stamps_ns[order], np.c_[values[:, :2], _yaw(values[:, 3:])][order])
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise TrajectoryError(f"{path}: no trajectory can be read ({reason})") from error
+
+
+def _seven(words: list[str]) -> list[float]:
+    values = [float(word) for word in words]
+    if len(values) != 7:
+        raise ValueError(f"{len(values) + 1} numbers")
+    if not np.isfinite(values).all():
+        raise ValueError("a number is not finite")
+    if not any(values[3:]):
+        raise ValueError("the quaternion is zero")
+    return values
+
+
+def _yaw(xyzw: Floats) -> NDArray[np.float64]:
+    """(n,) the rotation about z of (n, 4) quaternions of any length."""
+    x, y, z, w = xyzw.T
+    return np.asarray(np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))

@@ -1,0 +1,1 @@
+"""MCAP: recordings read as one stream, whole, cut or damaged, and written."""

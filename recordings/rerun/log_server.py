@@ -1,0 +1,68 @@
+"""The process behind a LogProcess: it logs what comes on its standard input until that ends."""
+
+import contextlib
+import pickle
+import signal
+import sys
+
+from wayfi.backend.errors import WayfiError
+from wayfi.frontends.events import Event
+from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.rerun.log_process import Part
+from wayfi.recordings.rerun.rerun_log import RerunLog
+
+
+def _serve() -> None:
+    """Log what comes on standard input until it ends."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    source = sys.stdin.buffer
+    logs = _Logs()
+    with contextlib.suppress(EOFError, pickle.UnpicklingError):  # the sender is done, or was killed within a message
+        while True:
+            for message in pickle.load(source):
+                logs.take(message)
+    logs.close()
+
+
+class _Logs:
+    """The file of the newest part, and the log that is served from the first part on."""
+
+    def __init__(self) -> None:
+        self._file: Log = NullLog()
+        self._live: Log | None = None
+
+    def take(self, message: Part | Event | dict[str, float]) -> None:
+        """Show what there is to show."""
+        if isinstance(message, Part):
+            self._begin(message)
+            return
+        for log in (self._file, self._live or NullLog()):
+            if isinstance(message, dict):
+                log.log_durations(message)
+            else:
+                log.log(message)
+
+    def close(self) -> None:
+        """Finish the files."""
+        self._file.close()
+        if self._live is not None:
+            self._live.close()
+
+    def _begin(self, part: Part) -> None:
+        self._file.close()
+        self._file = RerunLog(part.config, part.path, recording_id=part.recording_id)
+        begun: list[Log] = [self._file]
+        if part.served and self._live is None:
+            self._live = RerunLog(part.config, None, serve=True, recording_id=part.recording_id)
+            begun.append(self._live)
+        for log in begun:
+            for event in part.history:
+                log.log(event)
+
+
+if __name__ == "__main__":
+    try:
+        _serve()
+    except WayfiError as error:
+        sys.exit(str(error))

@@ -1,0 +1,51 @@
+"""`wayfi view`: a run's log in the Rerun viewer, or in a browser."""
+
+from pathlib import Path
+from urllib.parse import quote
+
+from wayfi.recordings.rerun.viewer_process import HOST, ViewerError, free_port, viewer_process
+
+
+def view(path: Path, web: bool = False) -> None:
+    """Show the log of a run: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest).
+
+    Blocks until the viewer ends; Ctrl-C ends it. With `web` the viewer is served on 127.0.0.1 and its address printed.
+    Raises ViewerError where there is no such log, or the viewer fails.
+    """
+    log = find_log(path)
+    arguments, address = _served(log) if web else (["--port", str(free_port()), str(log)], None)
+    with viewer_process(arguments) as process:
+        if address is not None:
+            print(f"open {address} (Ctrl-C ends it)", flush=True)  # noqa: T201 - the address is the command's result
+        try:
+            code = process.wait()
+        except KeyboardInterrupt:
+            return
+    if code:
+        hint = "is a port or the browser blocked?" if web else "try --web where there is no display"
+        raise ViewerError(f"the Rerun viewer ended with code {code} on {log}: {hint}")
+
+
+def find_log(path: Path) -> Path:
+    """The .rrd file that `path` stands for. Raises ViewerError where there is none."""
+    if path.is_file():
+        if path.suffix != ".rrd":
+            raise ViewerError(f"{path} is not an .rrd file: name the folder of a run or its session.rrd")
+        return path
+    if not path.is_dir():
+        raise ViewerError(f"{path} does not exist: name the folder of a run or its session.rrd")
+    session = path / "session.rrd"
+    if session.is_file():
+        return session
+    parts = sorted(path.glob("session_*.rrd"), key=lambda part: (part.stat().st_mtime_ns, part.name))
+    if not parts:
+        raise ViewerError(f"{path} holds no session.rrd and no session_*.rrd: replay without --no-rrd")
+    return parts[-1]
+
+
+def _served(log: Path) -> tuple[list[str], str]:
+    """The arguments that serve `log`, and the address to open."""
+    page, data = free_port(), free_port()
+    source = quote(f"rerun+http://{HOST}:{data}/proxy", safe=":/")
+    arguments = ["--serve-web", "--web-viewer-port", str(page), "--port", str(data), str(log)]
+    return arguments, f"http://{HOST}:{page}/?url={source}&hide_welcome_screen=1"

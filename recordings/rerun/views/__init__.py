@@ -1,0 +1,1 @@
+"""What the Rerun log shows, one view a file."""

@@ -1,0 +1,57 @@
+"""The occupancy grid as a picture that lies in the map."""
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from wayfi.frontends.events import GridRedrawn
+from wayfi.recordings.rerun.config import RerunConfig
+from wayfi.recordings.rerun.stream import Stream
+
+UNKNOWN, FREE, OCCUPIED = 13, 38, 225
+LEVELS = 33  # few greys, so that the file stays small
+MOST_PIXELS = 1_000_000  # a viewer holds every picture of a drive, unpacked (a series of PNGs must not change its size)
+
+
+def _greys() -> NDArray[np.uint8]:
+    p = np.linspace(0, 1, LEVELS)
+    return np.rint(np.interp(p, [0, 0.5, 1], [FREE, UNKNOWN, OCCUPIED])).astype(np.uint8)
+
+
+GREYS = _greys()
+
+
+class Grid:
+    """Draws `/map/grid`: the larger it is, the less often and the coarser; the last one always, and in full."""
+
+    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+        self._stream = stream
+        self._cells_per_s = config.grid_cells_per_s
+        self._next_ns: int | None = None
+        self._waiting: GridRedrawn | None = None
+
+    def on_grid(self, event: GridRedrawn) -> None:
+        """Draw it if the last one is long enough ago for its size."""
+        cells = int(np.ceil(np.sqrt(event.occupancy.size / MOST_PIXELS)))
+        self._waiting = event
+        if event.occupancy.size and (self._next_ns is None or event.stamp_ns >= self._next_ns):
+            self._next_ns = event.stamp_ns + int(1e9 * event.occupancy.size / self._cells_per_s)
+            self._waiting = None if cells == 1 else event
+            self._draw(event, cells)
+
+    def draw_waiting(self) -> None:
+        """Draw in full what was held back, or drawn coarser, if anything."""
+        if self._waiting is not None and self._waiting.occupancy.size:
+            self._draw(self._waiting, 1)
+        self._waiting = None
+
+    def _draw(self, event: GridRedrawn, cells: int) -> None:
+        """A pixel is the likeliest occupied of `cells` x `cells`."""
+        levels = (event.occupancy * (LEVELS - 1) + 0.5).astype(np.uint8)
+        if cells > 1:
+            edges = [(0, -size % cells) for size in levels.shape]
+            whole = np.pad(levels, edges)
+            levels = whole.reshape(len(whole) // cells, cells, -1, cells).max(axis=(1, 3))
+        (x, y), size_m = event.origin_xy_m, event.resolution_m * cells
+        place = rr.Transform3D(translation=[x, y, 0.0], scale=[size_m, size_m, 1.0])
+        self._stream.log("/map/grid", place, rr.Image(GREYS[levels], draw_order=-10.0))

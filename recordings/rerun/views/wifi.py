@@ -1,0 +1,110 @@
+"""What WiFi says: the APs heard, which earlier fingerprints are similar, and the two sequences of a candidate."""
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats, compose_all
+from wayfi.frontends.events import FingerprintAdded, SequenceMatched
+from wayfi.recordings.rerun import arrows
+from wayfi.recordings.rerun.config import RerunConfig
+from wayfi.recordings.rerun.stream import Limiter, Stream, mirror, segments
+from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, ui
+from wayfi.recordings.rerun.views.poses import Poses
+
+MOST_SIMILAR = 256  # the similarity is shown to so many earlier fingerprints: the log stays linear
+STRONGEST = 12
+FLOOR_DBM = -100.0
+UNLIKE, ALIKE = np.array([40.0, 55.0, 80.0]), np.array([255.0, 215.0, 60.0])
+
+
+class Wifi:
+    """Draws `/wifi/rssi`, `/wifi/strongest`, `/wifi/similarity`, `/wifi/places` and `/wifi/sequences`."""
+
+    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+        self._stream = stream
+        self._limit = Limiter(config.wifi_hz)
+        self._poses = poses
+        self._number_of_ap: dict[str, int] = {}
+        self._keyframe_of: list[int] = []
+        self._T_keyframe_base = Poses()
+        self._style()
+
+    def on_fingerprint(self, event: FingerprintAdded) -> None:
+        """The newest fingerprint."""
+        self._remember_place(event)
+        for bssid in event.bssids:
+            self._number_of_ap.setdefault(bssid, len(self._number_of_ap))
+        if self._limit.passes(event.stamp_ns):
+            self._draw_rssi(event)
+            self._draw_similarity(event)
+
+    def on_sequences(self, event: SequenceMatched) -> None:
+        """The two sequences of the last candidate, each pair joined by a line."""
+        for name, points in (("a", event.points_a), ("b", event.points_b)):
+            parts = (
+                rr.LineStrips2D.from_fields(strips=arrows.strips([points])),
+                rr.Points2D.from_fields(positions=arrows.points(points)),
+            )
+            self._stream.log(f"/wifi/sequences/{name}", *parts)
+        lines = segments(event.points_a, event.points_b)
+        self._stream.log("/wifi/sequences/pairs", rr.LineStrips2D.from_fields(strips=arrows.strips(lines)))
+
+    def _draw_rssi(self, event: FingerprintAdded) -> None:
+        above_floor = np.zeros(len(self._number_of_ap), np.float32)
+        numbers = [self._number_of_ap[bssid] for bssid in event.bssids]
+        above_floor[numbers] = np.nan_to_num(event.rssi - FLOOR_DBM, nan=0.0).clip(min=0.0)
+        if len(above_floor):
+            self._stream.log("/wifi/rssi", rr.BarChart.from_fields(values=arrows.tensor(above_floor), color=SEQUENCE_A))
+        self._stream.log("/wifi/strongest", rr.TextDocument(self._table(event), media_type="text/markdown"))
+
+    def _table(self, event: FingerprintAdded) -> str:
+        title = f"Fingerprint {event.fingerprint}, receiver `{event.receiver}`: {len(event.bssids)} APs"
+        order = np.argsort(-np.nan_to_num(event.rssi, nan=-np.inf), kind="stable")[:STRONGEST]
+        rows = [f"| {self._number_of_ap[event.bssids[i]]} | {event.bssids[i]} | {event.rssi[i]:.0f} |" for i in order]
+        return "\n".join([title, "", "| AP | BSSID | dBm |", "|--:|---|--:|", *rows])
+
+    def _draw_similarity(self, event: FingerprintAdded) -> None:
+        best = np.argsort(-event.similarity, kind="stable")[:MOST_SIMILAR]
+        best = best[np.argsort(event.similar_to[best])]
+        numbers, similarity = event.similar_to[best], event.similarity[best].astype(np.float32)
+        if len(numbers):
+            chart = rr.BarChart.from_fields(
+                values=arrows.tensor(similarity), abscissa=arrows.tensor(numbers), color=SEQUENCE_B
+            )
+            self._stream.log("/wifi/similarity", chart)
+        by_similarity = np.argsort(similarity, kind="stable")
+        places = self._where(numbers[by_similarity])
+        points = rr.Points2D.from_fields(positions=arrows.points(places), colors=_shade(similarity[by_similarity]))
+        self._stream.log("/wifi/places/similar", points)
+        here = self._where(np.array([event.fingerprint]))
+        self._stream.log("/wifi/places/here", rr.Points2D.from_fields(positions=arrows.points(here)))
+
+    def _remember_place(self, event: FingerprintAdded) -> None:
+        missing = event.fingerprint + 1 - len(self._keyframe_of)
+        self._keyframe_of.extend([event.keyframe] * missing)
+        self._T_keyframe_base.put(event.fingerprint, event.T_keyframe_base)
+
+    def _where(self, fingerprints: NDArray[np.int64]) -> Floats:
+        """(n, 2) m in `map`, as believed now."""
+        T_map_keyframe = self._poses.array()[np.array(self._keyframe_of)[fingerprints]]
+        return compose_all(T_map_keyframe, self._T_keyframe_base.array()[fingerprints])[:, :2]
+
+    def _style(self) -> None:
+        for root in ("/wifi/places", "/wifi/sequences"):
+            self._stream.style(root, mirror())
+        self._stream.style("/wifi/places/similar", rr.Points2D.from_fields(radii=[ui(3.0)], draw_order=5.0))
+        here = rr.Points2D.from_fields(colors=[HERE], radii=[ui(5.0)], draw_order=6.0)
+        self._stream.style("/wifi/places/here", here)
+        for name, color in (("a", SEQUENCE_A), ("b", SEQUENCE_B)):
+            lines = rr.LineStrips2D.from_fields(colors=[color], radii=[ui(1.0)], draw_order=8.0)
+            points = rr.Points2D.from_fields(colors=[color], radii=[ui(2.5)], draw_order=9.0)
+            self._stream.style(f"/wifi/sequences/{name}", lines, points)
+        pairs = rr.LineStrips2D.from_fields(colors=[PAIRING], radii=[ui(0.5)], draw_order=7.0)
+        self._stream.style("/wifi/sequences/pairs", pairs)
+
+
+def _shade(similarity: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(n, 3) colours, from unlike (0) to alike (1)."""
+    shade: NDArray[np.float64] = UNLIKE + np.clip(similarity, 0, 1)[:, None] * (ALIKE - UNLIKE)
+    return np.rint(shade).astype(np.uint8)

@@ -1,0 +1,1 @@
+"""ROS 2 messages and measurements: CDR and JSON, decoded and encoded."""

@@ -1,0 +1,56 @@
+"""Bytes to measurements and back, in CDR as ROS 2 writes it and in JSON with the same field names."""
+
+import struct
+
+from rosbags.serde import SerdeError
+
+from wayfi.frontends.measurements import Measurement, Sensor
+from wayfi.recordings.ros.cdr_counts import check_entries
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.ros.json_codec import json_of_message, message_of_json
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE, sensor_of_type
+from wayfi.recordings.ros.ros_measurements import to_measurement
+from wayfi.recordings.ros.ros_messages import to_message
+from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.ros.wifi_cdr import read_wifi_scan
+
+__all__ = ["CodecError", "Encoding", "decode", "encode", "sensor_of_type"]
+
+_MALFORMED = (
+    SerdeError,
+    struct.error,
+    ValueError,
+    TypeError,
+    OverflowError,
+    IndexError,
+    RecursionError,
+    MemoryError,
+)
+
+
+def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
+    """The measurement of `sensor` in one message's `data`; CDR may be of either byte order.
+
+    A quaternion of zeros gives a heading of NaN; non-finite poses and ranges are passed on. Raises CodecError, and
+    nothing else, for anything malformed.
+    """
+    try:
+        if encoding is Encoding.JSON:
+            return to_measurement(message_of_json(data, TYPE_OF_SENSOR[sensor]), sensor)
+        if sensor is Sensor.WIFI:
+            return read_wifi_scan(data)
+        check_entries(data, sensor)
+        return to_measurement(TYPESTORE.deserialize_cdr(memoryview(data), TYPE_OF_SENSOR[sensor]), sensor)
+    except _MALFORMED as error:
+        raise CodecError(f"malformed {TYPE_OF_SENSOR[sensor]} in {encoding}: {error}") from error
+
+
+def encode(measurement: Measurement, encoding: Encoding = Encoding.CDR) -> bytes:
+    """One message with this measurement. Raises CodecError where it does not fit the message's fields."""
+    try:
+        message, type_name = to_message(measurement)
+        if encoding is Encoding.JSON:
+            return json_of_message(message, type_name)
+        return bytes(TYPESTORE.serialize_cdr(message, type_name, little_endian=True))
+    except (*_MALFORMED, AttributeError) as error:
+        raise CodecError(f"a {type(measurement).__name__} does not fit its message: {error}") from error

@@ -1,0 +1,163 @@
+"""Measurements of ROS messages; a message is an object of the class that the typestore has for its type."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Pose2, wrap
+from wayfi.frontends.measurements import (
+    LaserScan,
+    Measurement,
+    Odometry,
+    PointCloud,
+    Sensor,
+    StaticTransform,
+    StaticTransforms,
+    WifiScan,
+)
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.ros.messages import NS_PER_S, PLANAR
+from wayfi.recordings.ros.point_layout import points_of_cloud
+from wayfi.recordings.ros.point_times import seconds_after_stamp
+
+Message = Any
+Float32s = NDArray[np.float32]
+
+MAX_BEAMS = 50_000
+MAX_READINGS = 2_000
+MAX_TRANSFORMS = 300
+MAX_FIELDS = 100  # of a point
+MAX_NAME = 256  # letters of a frame or a receiver
+_SMALLEST_SQUARED_NORM = 1e-12
+
+
+def to_measurement(message: Message, sensor: Sensor) -> Measurement:
+    """The measurement of a `message` of the type of `sensor`. Raises CodecError for numbers out of range."""
+    return _READERS[sensor](message)
+
+
+def stamp_ns_of(sec: int, nanosec: int) -> int:
+    """The nanoseconds of a ROS time. Raises CodecError for a negative time or a second of nanoseconds and more."""
+    if sec < 0 or nanosec >= NS_PER_S:
+        raise CodecError(f"stamp of {sec} s and {nanosec} ns is out of range")
+    return sec * NS_PER_S + nanosec
+
+
+def wifi_scan(
+    stamp_ns: int,
+    receiver: str,
+    bssids: Sequence[str],
+    ssids: Sequence[str],
+    rssi: Float32s,
+    frequency_mhz: Sequence[int],
+    age_s: Float32s,
+) -> WifiScan:
+    """The WiFi scan of these fields, its BSSIDs in lower-case colon form."""
+    normal = tuple([bssid.lower().replace("-", ":") for bssid in bssids])
+    return WifiScan(stamp_ns, receiver, normal, rssi, age_s, tuple(ssids), tuple(frequency_mhz))
+
+
+def check_count(what: str, count: int, limit: int) -> None:
+    """Raises CodecError where there are more than `limit`."""
+    if count > limit:
+        raise CodecError(f"{count} {what} in one message; the limit is {limit}")
+
+
+def check_name(name: str) -> str:
+    """`name`, of a frame or a receiver. Raises CodecError where it is longer than `MAX_NAME`."""
+    if len(name) > MAX_NAME:
+        raise CodecError(f"a name of {len(name)} letters; the limit is {MAX_NAME}")
+    return name
+
+
+def _header_stamp_ns(message: Message) -> int:
+    stamp = message.header.stamp
+    check_name(message.header.frame_id)
+    return stamp_ns_of(stamp.sec, stamp.nanosec)
+
+
+def _theta(q: Message) -> float:
+    """The heading (rad) of the quaternion `q`, NaN where it is (nearly) zero."""
+    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    if norm2 < _SMALLEST_SQUARED_NORM:
+        return math.nan
+    return wrap(math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z))
+
+
+def _planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Rows and columns (x, y, theta) of the (36,) `covariance`; None where all zero or not finite."""
+    planar = covariance[PLANAR].reshape(3, 3)
+    return planar if np.isfinite(planar).all() and planar.any() else None
+
+
+def _read_odometry(message: Message) -> Odometry:
+    pose = message.pose.pose
+    return Odometry(
+        _header_stamp_ns(message),
+        Pose2(pose.position.x, pose.position.y, _theta(pose.orientation)),
+        _planar_covariance(message.pose.covariance),
+        message.header.frame_id,
+        check_name(message.child_frame_id),
+    )
+
+
+def _read_laser_scan(message: Message) -> LaserScan:
+    check_count("beams", len(message.ranges), MAX_BEAMS)
+    angles = message.angle_min, message.angle_increment, message.time_increment
+    if not all(map(math.isfinite, angles)) or math.isnan(message.range_min) or math.isnan(message.range_max):
+        raise CodecError("LaserScan's angles, range limits or time_increment are not numbers")
+    return LaserScan(
+        _header_stamp_ns(message),
+        message.header.frame_id,
+        np.array(message.ranges, dtype=np.float32),
+        message.angle_min,
+        message.angle_increment,
+        message.range_min,
+        message.range_max,
+        message.time_increment,
+    )
+
+
+def _read_point_cloud(message: Message) -> PointCloud:
+    stamp_ns = _header_stamp_ns(message)
+    points, times = points_of_cloud(message)
+    time_s = None if times is None else seconds_after_stamp(times, stamp_ns)
+    return PointCloud(stamp_ns, message.header.frame_id, points, time_s)
+
+
+def _read_wifi_scan(message: Message) -> WifiScan:
+    readings = message.readings
+    check_count("readings", len(readings), MAX_READINGS)
+    return wifi_scan(
+        _header_stamp_ns(message),
+        message.header.frame_id,
+        [reading.bssid for reading in readings],
+        [reading.ssid for reading in readings],
+        np.array([reading.rssi for reading in readings], dtype=np.float32),
+        [reading.frequency for reading in readings],
+        np.array([reading.age for reading in readings], dtype=np.float32),
+    )
+
+
+def _read_static_transforms(message: Message) -> StaticTransforms:
+    check_count("transforms", len(message.transforms), MAX_TRANSFORMS)
+    stamps = [_header_stamp_ns(transform) for transform in message.transforms]
+    return StaticTransforms(stamps[0] if stamps else 0, tuple(map(_read_static_transform, message.transforms)))
+
+
+def _read_static_transform(message: Message) -> StaticTransform:
+    t, q = message.transform.translation, message.transform.rotation
+    child = check_name(message.child_frame_id)
+    return StaticTransform(message.header.frame_id, child, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+
+
+_READERS: dict[Sensor, Callable[[Message], Measurement]] = {
+    Sensor.ODOM: _read_odometry,
+    Sensor.SCAN: _read_laser_scan,
+    Sensor.POINTS: _read_point_cloud,
+    Sensor.WIFI: _read_wifi_scan,
+    Sensor.TF_STATIC: _read_static_transforms,
+}

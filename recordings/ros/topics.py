@@ -1,0 +1,53 @@
+"""Which topic of a recording feeds which sensor, and why another one does not."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor_of_type
+
+MARKS_TOPIC = "/wayfi/marks"  # of a daemon's black box: what it did between two messages
+
+
+class Encoding(StrEnum):
+    """How a message is laid out in bytes, as MCAP channels name it."""
+
+    CDR = "cdr"
+    JSON = "json"
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Where a topic leads: `sensor` and `encoding` if it is used, both None if not; `why` says so in words."""
+
+    sensor: Sensor | None
+    encoding: Encoding | None
+    why: str
+
+    @property
+    def used(self) -> bool:
+        """Whether the topic feeds a sensor."""
+        return self.sensor is not None
+
+
+def _unused(why: str) -> Route:
+    return Route(None, None, why)
+
+
+def route(topic: str, type_name: str, encoding: str, topics: Mapping[Sensor, str]) -> Route:
+    """The route of a channel (`topic`, `type_name`, `encoding`), given the `topics` configured for the sensors."""
+    if topic == MARKS_TOPIC:
+        return _unused("feeds no sensor: a replay does what the daemon did between two messages")
+    sensor = next((sensor for sensor, name in topics.items() if name == topic), None)
+    if sensor is None:
+        by_type = sensor_of_type(type_name)
+        if by_type is None:
+            return _unused(f"no sensor is configured for this topic (type {type_name or 'unknown'})")
+        expected = topics.get(by_type)
+        return _unused(f"a {by_type} type, but {by_type} is read from {expected or 'no topic'}")
+    if encoding not in tuple(Encoding):
+        return _unused(f"unknown encoding {encoding or '(none)'}; {sensor} takes cdr or json")
+    if encoding == Encoding.CDR and canonical_type(type_name) != TYPE_OF_SENSOR[sensor]:
+        return _unused(f"unknown type {type_name or '(none)'}; {sensor} takes {TYPE_OF_SENSOR[sensor]}")
+    return Route(sensor, Encoding(encoding), f"feeds {sensor}")

@@ -1,0 +1,92 @@
+"""The black box: exactly what the estimation was fed, in that order, so that a replay gives the same drive."""
+
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.closing import Closing
+from wayfi.recordings.files.calibration_file import calibration_toml
+from wayfi.recordings.mcap.parts import BLACKBOX, next_part
+from wayfi.recordings.mcap.recording import BLACKBOX_PROFILE, McapWriter
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
+from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.service.blackbox.disk import MIB
+from wayfi.service.config import Config, config_toml
+from wayfi.service.drive.marks import Mark
+from wayfi.service.transport.queues import Received
+
+CONFIG = "config.toml"
+CALIBRATION = "calibration.toml"
+FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a step that takes long
+
+
+class BlackBox(Closing):
+    """Writes `folder`/blackbox_0001.mcap, 0002, ..., each with the configuration and the calibration in it.
+
+    A message's log time is the wall clock's when it was received, without the clock's own jumps. What raises OSError or
+    RecordingError here has not been recorded.
+    """
+
+    def __init__(
+        self, folder: Path, config: Config, topics: dict[Sensor, str], calibration: Calibration | None
+    ) -> None:
+        self._folder = folder
+        self._limits = config.recording
+        self._topics = topics
+        self._wall_ahead_s = time.time() - time.monotonic()
+        self._attached = {CONFIG: config_toml(config)}
+        if calibration is not None:
+            self._attached[CALIBRATION] = calibration_toml(calibration)
+        self._begin()
+
+    def write(self, item: Received | Mark) -> None:
+        """Add a message that is about to be fed, or what is about to be done between two of them."""
+        self._unflushed = True
+        if isinstance(item, Mark):
+            self._writer.write(MARKS_TOPIC, "wayfi/Mark", "json", self._log_time_ns(time.monotonic()), item.to_json())
+        else:
+            topic, type_name = self._topics[item.sensor], TYPE_OF_SENSOR[item.sensor]
+            log_time_ns = self._log_time_ns(item.received_s)
+            self._writer.write(topic, type_name, item.encoding, log_time_ns, item.data)
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Hand to the operating system what has been held back for `FLUSH_S`."""
+        if self._unflushed and time.monotonic() - self._flushed_s >= FLUSH_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand everything to the operating system: a killed process loses none of it."""
+        self._writer.flush()
+        self._flushed_s = time.monotonic()
+        self._unflushed = False
+
+    def rotate_if_due(self) -> None:
+        """Begin the next part where this one is large or old enough."""
+        self.flush()
+        full = self._writer.size_bytes > self._limits.part_mb * MIB
+        old = time.monotonic() - self._begun_s > self._limits.part_minutes * 60
+        if full or old:
+            self.close()
+            self._begin()
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+    def abandon(self) -> None:
+        """Let go of the file as it is, where the disk does not let it be finished."""
+        with suppress(OSError):
+            self._writer.close()
+
+    def _begin(self) -> None:
+        self._writer = McapWriter(next_part(self._folder, BLACKBOX), BLACKBOX_PROFILE)
+        for name, text in self._attached.items():
+            self._writer.attach(name, text.encode(), "application/toml")
+        self._begun_s = time.monotonic()
+        self.flush()
+
+    def _log_time_ns(self, monotonic_s: float) -> int:
+        return round((monotonic_s + self._wall_ahead_s) * 1e9)

@@ -1,0 +1,107 @@
+"""The folder of a run: a new one, or that of a run which was not stopped cleanly."""
+
+import fcntl
+import os
+import time
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from wayfi.backend.errors import WayfiError
+from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.files.calibration_file import calibration_toml
+from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
+from wayfi.service.blackbox.checkpoint import CHECKPOINT
+from wayfi.service.config import Config, config_toml
+
+RUNNING = "running"  # in the folder of a run that has not been stopped: what its drive depends on
+IDLE_S = 0.1
+
+
+class RunFolderError(WayfiError):
+    """A folder that cannot be had."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A run's folder, ours alone; `away_s` since what it resumes was last written, None where it begins."""
+
+    path: Path
+    away_s: float | None
+    lock: int
+
+    @property
+    def resumes(self) -> bool:
+        """Whether there is a drive in it to go on with."""
+        return self.away_s is not None
+
+    def stopped(self) -> None:
+        """Say that the run was stopped cleanly, and let go of the folder and of what a restart would have needed."""
+        (self.path / CHECKPOINT).unlink(missing_ok=True)
+        (self.path / RUNNING).unlink(missing_ok=True)
+        os.close(self.lock)
+
+
+def open_run_folder(config: Config, calibration: Calibration | None, fresh: bool) -> RunFolder:
+    """The newest run's folder if that was not stopped cleanly, had this configuration, and not `fresh`; else a new one.
+
+    Raises RunFolderError.
+    """
+    directory = Path(config.recording.directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        settings = _settings(config, calibration)
+        found = None if fresh else _unfinished(directory, settings)
+        return found or _new(directory, settings)
+    except FileExistsError:
+        raise RunFolderError(f"{directory}: is no folder; see recording.directory") from None
+    except OSError as error:
+        where = error.filename or directory
+        raise RunFolderError(f"{where}: cannot be written: {error.strerror}; see recording.directory") from None
+
+
+def _unfinished(directory: Path, settings: str) -> RunFolder | None:
+    runs = sorted(path for path in directory.iterdir() if path.is_dir() and parts_of(path, BLACKBOX))
+    if not runs or not (runs[-1] / RUNNING).exists():
+        return None
+    if (runs[-1] / RUNNING).read_text() != settings:
+        return None
+    lock = _lock(runs[-1])
+    if lock is None:
+        return None
+    away_s = max(0.0, time.time() - max(part.stat().st_mtime for part in parts_of(runs[-1], BLACKBOX)))
+    return RunFolder(runs[-1], away_s, lock)
+
+
+def _new(directory: Path, settings: str) -> RunFolder:
+    """Named by this second in UTC; the next second where there is one already."""
+    while True:
+        folder = directory / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            time.sleep(IDLE_S)
+            continue
+        (folder / RUNNING).write_text(settings)
+        lock = _lock(folder)
+        assert lock is not None
+        return RunFolder(folder, None, lock)
+
+
+def _settings(config: Config, calibration: Calibration | None) -> str:
+    """All that a drive depends on, as text."""
+    plain = Config()
+    settings = config_toml(replace(config, zenoh=plain.zenoh, rerun=plain.rerun, recording=plain.recording))
+    topics = "\n".join(config.recording.topics.values())
+    return settings + topics + (calibration_toml(calibration) if calibration else "")
+
+
+def _lock(folder: Path) -> int | None:
+    """The folder's lock, which the process holds as long as it lives; None where another holds it."""
+    file = os.open(folder / RUNNING, os.O_RDWR)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(file)
+        return None
+    return file

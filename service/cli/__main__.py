@@ -1,0 +1,5 @@
+"""`python -m wayfi.service.cli` is `wayfi`."""
+
+from wayfi.service.cli.app import main
+
+main()

@@ -1,0 +1,73 @@
+"""Back to where a daemon was killed: its last checkpoint, and what its black box holds since."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.mcap.parts import BLACKBOX, begins_at_first, parts_of
+from wayfi.recordings.mcap.recording import Record, RecordingError, open_recording
+from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.service.blackbox.checkpoint import Checkpoint, read_checkpoint
+from wayfi.service.config import Config
+from wayfi.service.drive.live_drive import LiveDrive
+from wayfi.service.drive.marks import MarkError, MarkKind, parse_mark
+from wayfi.service.replay.players import BlackBoxPlayer
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """A drive that is back; `replayed` messages had come since its checkpoint, and where `whole` none is missing."""
+
+    live: LiveDrive
+    replayed: int
+    whole: bool
+
+
+def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> Recovered:
+    """The drive of `folder` as of the last message that its black box holds."""
+    checkpoint = read_checkpoint(folder)
+    records = _since(folder, checkpoint) if checkpoint else None
+    whole = records is not None or begins_at_first(folder, BLACKBOX)
+    if checkpoint is None or records is None:
+        live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
+    else:
+        live = LiveDrive.restored(checkpoint.drive, NullLog())
+    player = BlackBoxPlayer(live)
+    replayed = 0
+    for record in records:
+        player.play(record)
+        replayed += record.topic != MARKS_TOPIC
+    player.live.drive.log = log
+    return Recovered(player.live, replayed, whole)
+
+
+def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
+    """The records after the checkpoint's mark; None where the black box does not hold it."""
+    parts = parts_of(folder, BLACKBOX)
+    for k in range(len(parts) - 1, -1, -1):
+        records = _records(parts[k : k + 1])
+        if any(_is_mark(record, checkpoint.number) for record in records):
+            return chain(records, _records(parts[k + 1 :]))
+    return None
+
+
+def _is_mark(record: Record, number: int) -> bool:
+    if record.topic != MARKS_TOPIC:
+        return False
+    try:
+        mark = parse_mark(record.data)
+    except MarkError:
+        return False
+    return mark.kind is MarkKind.CHECKPOINT and mark.number == number
+
+
+def _records(parts: list[Path]) -> Iterator[Record]:
+    """All that is complete, part after part; a part of which nothing can be read holds nothing."""
+    for part in parts:
+        try:
+            yield from open_recording(part)
+        except RecordingError:
+            continue

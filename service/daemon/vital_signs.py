@@ -1,0 +1,120 @@
+"""How the daemon is doing: state, rates, queues, drops and latencies, as its status and its report tell it."""
+
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from wayfi.backend.graph.health import State
+from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
+from wayfi.frontends.measurements import Sensor
+from wayfi.service.daemon.backlog import Backlog
+from wayfi.service.drive.tally import Drops, merged
+from wayfi.service.drive.timing import StageCost
+from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
+from wayfi.service.transport.queues import Queues
+
+LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
+RECENT_POSES = 1000
+PERIOD_S = 1.0
+
+
+class Latencies:
+    """Seconds from the receive callback of a message to the put of the pose that it gave, in bounded memory."""
+
+    def __init__(self) -> None:
+        self._all = StageCost()
+        self._recent: deque[float] = deque(maxlen=RECENT_POSES)
+        self._poses = 0
+
+    def __len__(self) -> int:
+        return self._poses
+
+    def add(self, seconds: float) -> None:
+        """Add one pose."""
+        self._all.add(seconds)
+        self._recent.append(seconds)
+        self._poses += 1
+
+    def summary(self) -> dict[str, float]:
+        """p50, p99 and max in ms of all poses; empty before the first."""
+        if not self._poses:
+            return {}
+        return {name: value for name, value in self._all.summary().items() if name in ("p50_ms", "p99_ms", "max_ms")}
+
+    def recent(self) -> dict[str, float]:
+        """The same of the last `RECENT_POSES`."""
+        if not self._recent:
+            return {}
+        p50, p99, most = np.percentile(list(self._recent), [50, 99, 100]) * 1e3
+        return {"p50_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3), "max_ms": round(float(most), 3)}
+
+
+class VitalSigns:
+    """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
+
+    def __init__(self, topics: dict[Sensor, str], inbox: Queues, backlog: Backlog) -> None:
+        self._topics = topics
+        self._inbox = inbox
+        self._backlog = backlog
+        self._state = State.UNCERTAIN
+        self._reason = "no odometry and no scan yet"
+        self._complaints: dict[str, str] = {}
+        self._told: tuple[State, list[str], float] | None = None
+        self._received: tuple[float, dict[Sensor, int]] = (time.monotonic(), {})
+        self._rates: dict[Sensor, float] = {}
+        self.latencies = Latencies()
+
+    def take(self, event: Event, received_s: float) -> None:
+        """Learn from an event that was published just now, and of the moment when its message was received."""
+        match event:
+            case PosePublished():
+                if self._state is not event.state or not len(self.latencies):
+                    self._state, self._reason = event.state, ""
+                self.latencies.add(time.monotonic() - received_s)
+            case StateChanged():
+                self._state, self._reason = event.state, event.reason
+            case Warned() if event.ends:
+                self._complaints.pop(event.complaint, None)
+            case Warned() if event.complaint:
+                self._complaints[event.complaint] = event.text
+
+    def due(self) -> bool:
+        """Whether the status is to be told now."""
+        if self._told is None:
+            return True
+        state, complaints, told_s = self._told
+        changed = state is not self._state or complaints != list(self._complaints)
+        return changed or time.monotonic() - told_s >= PERIOD_S
+
+    def queue_drops(self) -> Drops:
+        """What never came to the estimation, by topic and reason."""
+        drops = (self._inbox.dropped(), self._backlog.dropped())
+        return merged(*({self._topics[sensor]: reasons for sensor, reasons in d.items()} for d in drops))
+
+    def status(self, dropped: Drops, extra: dict[str, Any]) -> Status:
+        """The status as of now; `dropped` by topic and reason."""
+        self._told = (self._state, list(self._complaints), time.monotonic())
+        values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
+        values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
+        fed = self._backlog.depths()
+        values |= {f"queue.{self._topics[s]}": depth + fed[s] for s, depth in self._inbox.depths().items()}
+        values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
+        values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
+        values |= {"poses": len(self.latencies)}
+        values |= {f"latency.{name}": value for name, value in self.latencies.recent().items()}
+        state = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
+        level = max(LEVEL[self._state], WARN) if self._complaints else LEVEL[self._state]
+        message = "; ".join([state, *self._complaints.values()])
+        return Status(level, message, {key: str(value) for key, value in values.items()})
+
+    def _measured_rates(self) -> dict[Sensor, float]:
+        """Messages a second since they were last measured, at least half a period ago."""
+        now_s, (since_s, before) = time.monotonic(), self._received
+        if now_s - since_s >= PERIOD_S / 2 or not self._rates:
+            received = self._inbox.received()
+            seconds = max(now_s - since_s, 1e-3)
+            self._rates = {sensor: (n - before.get(sensor, 0)) / seconds for sensor, n in received.items()}
+            self._received = (now_s, received)
+        return self._rates

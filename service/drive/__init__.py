@@ -1,0 +1,1 @@
+"""One drive from its bytes to its files, the same for the replay and the daemon."""

@@ -1,0 +1,43 @@
+"""What a black box holds beside the messages: marks of what the daemon did between two of them, as JSON."""
+
+import json
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+
+from wayfi.backend.errors import WayfiError
+from wayfi.recordings.ros.topics import MARKS_TOPIC
+
+
+class MarkError(WayfiError):
+    """A mark that no daemon wrote."""
+
+
+class MarkKind(StrEnum):
+    """What was done."""
+
+    ADOPT = "adopt"
+    CHECKPOINT = "checkpoint"
+    AWAY = "away"
+    COMMAND = "command"
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """One thing done: estimate or checkpoint `number`, ms away, or the command whose name is `text`."""
+
+    kind: MarkKind
+    number: int = 0
+    text: str = ""
+
+    def to_json(self) -> bytes:
+        """The mark as bytes."""
+        return json.dumps(asdict(self)).encode()
+
+
+def parse_mark(data: bytes) -> Mark:
+    """The mark of `Mark.to_json`'s bytes. Raises MarkError."""
+    try:
+        fields = json.loads(data)
+        return Mark(MarkKind(fields["kind"]), int(fields["number"]), str(fields["text"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise MarkError(f"{MARKS_TOPIC}: {data[:80]!r} is no mark: {error}") from None

@@ -1,0 +1,109 @@
+"""The files that a drive leaves: every one always exists, an existing folder is overwritten file by file."""
+
+import hashlib
+import json
+import platform
+import resource
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.pipeline import Result
+from wayfi.frontends.wifi.wifi import Fingerprint
+from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.calibration_file import write_calibration
+from wayfi.recordings.files.g2o import write_g2o
+from wayfi.recordings.files.map_files import write_map
+from wayfi.recordings.files.tables import RadioPlace, write_closures, write_radio
+from wayfi.recordings.files.tum import write_tum
+from wayfi.service.config import config_toml
+from wayfi.service.drive.drive import Drive
+
+MAP_VERSION = 1
+HASHED_AT_ONCE_BYTES = 1 << 20
+PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "rerun-sdk", "rosbags")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What a drive was read from: seconds it took, seconds recorded, its hash, and what was wrong with it."""
+
+    wall_s: float
+    recording_s: float
+    sha256: str
+    warnings: list[str]
+
+
+def write_results(
+    directory: Path, drive: Drive, result: Result, source: Source, extra: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write every file of a drive into `directory`; returns the report, `extra` in it as it is."""
+    with drive.timer("files"):
+        _write_estimate(directory, result)
+        write_closures(directory / "closures.csv", drive.tally.verdicts.values())
+        write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
+        write_text(directory / "config.toml", config_toml(drive.config))
+        write_calibration(directory / "calibration.toml", result.calibration)
+        write_map(directory, result.grid, drive.config.map, result.final[:, :2])
+    report = _report(drive, source) | dict(extra or {})
+    write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
+    return report
+
+
+def hash_of(paths: Sequence[Path]) -> str:
+    """The hash of the files' bytes, one after another, in hexadecimal."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            while data := file.read(HASHED_AT_ONCE_BYTES):
+                digest.update(data)
+    return digest.hexdigest()
+
+
+def _write_estimate(directory: Path, result: Result) -> None:
+    write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
+    write_tum(directory / "online.tum", result.stamps_ns, result.online)
+    factors = result.factors.values()
+    write_g2o(directory / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
+    saved = directory / "map"
+    saved.mkdir(exist_ok=True)
+    write_g2o(saved / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
+    description = {"format": "wayfi-map", "version": MAP_VERSION, "keyframes": len(result.keyframe_poses)}
+    write_text(saved / "map.json", json.dumps(description, indent=1) + "\n")
+
+
+def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:
+    for f, pose in zip(fingerprints, poses, strict=True):
+        yield RadioPlace(f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi)
+
+
+def _peak_memory_mb() -> float:
+    """The most that this process and the one that logs have taken, added.
+
+    Linux starts getrusage's figure for a process at what its parent had taken; VmHWM is its own.
+    """
+    kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    own_kb, logging_kb = (resource.getrusage(kind).ru_maxrss for kind in kinds)
+    status = Path("/proc/self/status")
+    if status.exists():
+        own_kb = next(int(line.split()[1]) for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+    return (own_kb + logging_kb) / 1024
+
+
+def _report(drive: Drive, source: Source) -> dict[str, Any]:
+    tally = drive.tally
+    return {
+        "messages": dict(tally.messages),
+        "dropped": {topic: dict(reasons) for topic, reasons in tally.dropped.items()},
+        "stages": drive.timer.report(),
+        "wall_s": round(source.wall_s, 3),
+        "recording_s": round(source.recording_s, 3),
+        "peak_memory_mb": round(_peak_memory_mb(), 1),
+        "recording_sha256": source.sha256,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "warnings": source.warnings + tally.warnings,
+        "status_changes": tally.status_changes,
+    }

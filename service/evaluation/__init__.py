@@ -1,0 +1,1 @@
+"""A replay against a reference: trajectory errors, closures, covariances, plots."""

@@ -1,0 +1,126 @@
+"""Replay: a recording through the pipeline, headless, lossless and deterministic, into a folder of results."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wayfi.backend.errors import WayfiError
+from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.files.calibration_file import parse_calibration, read_calibration
+from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.mcap.recording import Recording, open_recording
+from wayfi.recordings.rerun.log_process import LogProcess, Part
+from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG
+from wayfi.service.config import Config, load_config
+from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.live_drive import LiveDrive
+from wayfi.service.drive.results import Source, write_results
+from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.process.stop_signal import StopSignal
+from wayfi.service.replay.pace import Pace
+from wayfi.service.replay.players import BlackBoxPlayer, PlainPlayer, Player
+
+Progress = Callable[[float], None]
+
+
+class ReplayError(WayfiError):
+    """A recording that nothing can be made of."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOptions:
+    """Where the results go; `rate` times real time, None as fast as it goes; whether session.rrd is written."""
+
+    out: Path
+    rate: float | None = None
+    rrd: bool = True
+
+
+def settings_for(
+    recording_path: Path, files: Sequence[Path], settings: Sequence[str], calibration_path: Path | None
+) -> tuple[Config, Calibration | None]:
+    """The configuration and calibration to replay a recording with: a black box's own, unless told otherwise.
+
+    Raises RecordingError, ConfigError or CalibrationError.
+    """
+    load_config(files, settings)  # wrong usage is told before a wrong recording
+    recording = open_recording(recording_path)
+    kept = recording.attachments() if recording.is_blackbox else {}
+    config = load_config(files, settings, kept.get(CONFIG, b"").decode(errors="replace"))
+    if calibration_path is not None:
+        return config, read_calibration(calibration_path)
+    if CALIBRATION not in kept:
+        return config, None
+    return config, parse_calibration(kept[CALIBRATION].decode(errors="replace"), f"{recording_path}: {CALIBRATION}")
+
+
+def replay(
+    recording_path: Path,
+    config: Config,
+    calibration: Calibration | None,
+    options: ReplayOptions,
+    progress: Progress = lambda _: None,
+) -> dict[str, Any]:
+    """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it."""
+    start = time.perf_counter()
+    recording = open_recording(recording_path)
+    _make_folder(options.out)
+    sha256 = recording.sha256()
+    log = _open_log(config, options, sha256[:16])
+    player = _player(recording, config, calibration, log)
+    try:
+        with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
+            warm_up(config)  # else the first tenth of the drive would pay for what is loaded once
+            _play_all(recording, player, options.rate, progress, stop)
+        drive = player.drive
+        result = drive.finish()
+    except BaseException:
+        log.close()  # it still holds what led here
+        raise
+    if len(result.stamps_ns) == 0:
+        raise ReplayError(_nothing_usable(recording_path, drive, player.unused))
+    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in player.unused.items()]
+    source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
+    return write_results(options.out, drive, result, source)
+
+
+def _player(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Player:
+    if recording.is_blackbox:
+        return BlackBoxPlayer(LiveDrive(config, calibration, log))
+    return PlainPlayer(Drive(config, calibration, log))
+
+
+def _play_all(recording: Recording, player: Player, rate: float | None, progress: Progress, stop: StopSignal) -> None:
+    total = max(recording.message_count, 1)
+    pace = Pace(rate)
+    for number, record in enumerate(recording):
+        if stop.requested:
+            raise KeyboardInterrupt
+        pace.wait_for(record.log_time_ns)
+        player.play(record)
+        if number % 100 == 0:
+            progress(number / total)
+    progress(1.0)
+
+
+def _open_log(config: Config, options: ReplayOptions, recording_id: str) -> Log:
+    if options.rrd and config.rerun.enabled:
+        return LogProcess(Part(config.rerun, options.out / "session.rrd", recording_id))
+    return NullLog()
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReplayError(f"{out}: cannot be made: {error.strerror}") from None
+
+
+def _nothing_usable(path: Path, drive: Drive, unused: dict[str, str]) -> str:
+    dropped = Counter({f"{t} {r}": n for t, reasons in drive.tally.dropped.items() for r, n in reasons.items()})
+    why = [f"{topic} ({reason})" for topic, reason in unused.items()] + [f"{n} x {what}" for what, n in dropped.items()]
+    wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
+    return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

@@ -1,0 +1,72 @@
+"""What the daemon publishes, as CDR: pose, transform, map and status."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import GridRedrawn, PosePublished
+from wayfi.frontends.measurements import StaticTransform, StaticTransforms
+from wayfi.recordings.ros.codec import encode
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TYPESTORE
+from wayfi.recordings.ros.ros_messages import Message, header, new_message, planar_pose, pose_with_covariance
+
+MAP_FRAME = "map"
+ODOM_FRAME = "odom"
+OCCUPIED, FREE, UNKNOWN = 100, 0, -1
+OK, WARN, ERROR = 0, 1, 2
+
+
+def pose_message(event: PosePublished) -> bytes:
+    """A PoseWithCovarianceStamped in `map`. Raises CodecError where a ROS time cannot hold the stamp."""
+    head = header(event.stamp_ns, MAP_FRAME)
+    pose = pose_with_covariance(event.T_map_base, event.covariance)
+    return _cdr(new_message(POSE_WITH_COVARIANCE, head, pose), POSE_WITH_COVARIANCE)
+
+
+def transform_message(event: PosePublished) -> bytes:
+    """A TFMessage with map -> odom. Raises CodecError where a ROS time cannot hold the stamp."""
+    T = event.T_map_odom
+    rotation = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
+    transform = StaticTransform(MAP_FRAME, ODOM_FRAME, (T.x, T.y, 0.0), rotation)
+    return encode(StaticTransforms(event.stamp_ns, (transform,)))
+
+
+def map_message(event: GridRedrawn, config: MapConfig) -> bytes:
+    """An OccupancyGrid of occupied, free and unknown cells, as Nav2's map_server makes it of the saved map."""
+    rows, columns = event.occupancy.shape
+    head = header(event.stamp_ns, MAP_FRAME)
+    origin = planar_pose(Pose2(*event.origin_xy_m, 0.0))
+    info = new_message("nav_msgs/msg/MapMetaData", head.stamp, event.resolution_m, columns, rows, origin)
+    return _cdr(new_message(OCCUPANCY_GRID, head, info, _cells(event, config)), OCCUPANCY_GRID)
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """One diagnostic status named `wayfi`: its `level`, what a person should read, and the values."""
+
+    level: int
+    message: str
+    values: Mapping[str, str]
+
+
+def status_message(stamp_ns: int, status: Status) -> bytes:
+    """A DiagnosticArray of one status."""
+    values = [new_message("diagnostic_msgs/msg/KeyValue", key, value) for key, value in status.values.items()]
+    one = new_message("diagnostic_msgs/msg/DiagnosticStatus", status.level, "wayfi", status.message, "", values)
+    return _cdr(new_message(DIAGNOSTIC_ARRAY, header(stamp_ns, ""), [one]), DIAGNOSTIC_ARRAY)
+
+
+def _cells(event: GridRedrawn, config: MapConfig) -> NDArray[np.int8]:
+    cells = np.full(event.occupancy.shape, UNKNOWN, np.int8)
+    cells[event.occupancy >= config.occupied_probability] = OCCUPIED
+    cells[event.occupancy <= config.free_probability] = FREE
+    return cells.ravel()
+
+
+def _cdr(message: Message, type_name: str) -> bytes:
+    return bytes(TYPESTORE.serialize_cdr(message, type_name, little_endian=True))

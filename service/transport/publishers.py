@@ -1,0 +1,75 @@
+"""Zenoh out: pose and transform as they are known, the map kept for those who come late, the status."""
+
+from contextlib import ExitStack
+
+import zenoh
+
+from wayfi.frontends.events import PosePublished
+from wayfi.recordings.closing import Closing
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.service.config import ZenohConfig
+from wayfi.service.transport.kept_publisher import KeptPublisher
+from wayfi.service.transport.newest_only import NewestOnly
+from wayfi.service.transport.output_messages import Status, pose_message, status_message, transform_message
+from wayfi.service.transport.ros_publishers import MAP, POSE, TF, RosPublishers
+from wayfi.service.transport.zenoh_session import key_of
+
+CDR = zenoh.Encoding.APPLICATION_CDR
+ALIVE = "wayfi/alive"
+
+
+class Publishers(Closing):
+    """Publishes; a context manager. Nothing here waits for a subscriber that is slow.
+
+    `unpublished` counts the poses whose stamp no ROS time can hold.
+    """
+
+    def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
+        self._session = session
+        self._config = config
+        self.unpublished = 0
+        urgent = zenoh.Priority.INTERACTIVE_HIGH
+        with ExitStack() as opened:
+            enter = opened.enter_context
+            self._pose = enter(session.declare_publisher(self._key("pose"), encoding=CDR, priority=urgent))
+            self._tf = enter(session.declare_publisher(self._key("tf"), encoding=CDR, priority=urgent))
+            self._status = enter(KeptPublisher(session, self._key("status"), zenoh.CongestionControl.DROP))
+            self._map = enter(KeptPublisher(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._ros = enter(RosPublishers(session, config))
+            self._maps = enter(NewestOnly(self._put_map))
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Undeclare everything."""
+        self._opened.close()
+
+    def announce(self) -> zenoh.LivelinessToken:
+        """The word that all is ready; it holds as long as the token that is returned, a context manager."""
+        return self._session.liveliness().declare_token(key_of(self._config, ALIVE))
+
+    def publish_map(self, data: bytes) -> None:
+        """Publish the map, an OccupancyGrid's bytes; who takes it slowly holds up the next map and nothing else."""
+        self._maps.put(data)
+
+    def publish_status(self, stamp_ns: int, status: Status) -> None:
+        """Publish the status, as of the wall clock's `stamp_ns`."""
+        self._status.put(status_message(stamp_ns, status))
+
+    def publish_pose(self, event: PosePublished) -> None:
+        """Publish a pose and the transform that goes with it."""
+        try:
+            pose, transform = pose_message(event), transform_message(event)
+        except CodecError:
+            self.unpublished += 1
+            return
+        self._pose.put(pose)
+        self._tf.put(transform)
+        self._ros.put(POSE, pose)
+        self._ros.put(TF, transform)
+
+    def _put_map(self, data: bytes) -> None:
+        self._map.put(data)
+        self._ros.put(MAP, data)
+
+    def _key(self, name: str) -> str:
+        return key_of(self._config, f"wayfi/{name}")

@@ -1,0 +1,76 @@
+"""Zenoh out for ROS 2: what Nav2 needs, under the keys where rmw_zenoh or zenoh-bridge-ros2dds looks for it."""
+
+import itertools
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+import zenoh
+
+from wayfi.recordings.closing import Closing
+from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE
+from wayfi.service.config import ZenohConfig
+from wayfi.service.transport.kept_publisher import KeptPublisher
+from wayfi.service.transport.ros_keys import RosTopic, attachment, gid_of, node_token, publisher_token, rmw_key
+from wayfi.service.transport.zenoh_session import key_of
+
+POSE = RosTopic("wayfi/pose", POSE_WITH_COVARIANCE, depth=10)
+TF = RosTopic("tf", TF_MESSAGE, depth=100)
+MAP = RosTopic("map", OCCUPANCY_GRID, depth=1, kept=True)
+
+Put = Callable[..., Any]
+
+
+class RosPublishers(Closing):
+    """Publishes to ROS 2 in the convention of `zenoh.ros`; nothing where that is "none". A context manager.
+
+    To the bridge a topic's key is the same as wayfi's own, so that the pose is there already.
+    """
+
+    def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
+        self._session = session
+        self._config = config
+        self._puts: dict[RosTopic, Put] = {}
+        with ExitStack() as opened:
+            if config.ros == "bridge":
+                self._open_for_bridge(opened)
+            elif config.ros == "rmw":
+                self._open_for_rmw(opened)
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Undeclare everything."""
+        self._opened.close()
+
+    def put(self, topic: RosTopic, data: bytes) -> None:
+        """Publish a message, if `topic` is one of those that are published."""
+        if topic in self._puts:
+            self._puts[topic](data)
+
+    def _open_for_bridge(self, opened: ExitStack) -> None:
+        for topic in (TF, MAP):
+            self._puts[topic] = self._open(opened, topic, key_of(self._config, topic.name))
+
+    def _open_for_rmw(self, opened: ExitStack) -> None:
+        domain, session_id = self._config.ros_domain, str(self._session.info.zid())
+        namespace = self._config.prefix.strip("/")
+        declare_token = self._session.liveliness().declare_token
+        opened.enter_context(declare_token(node_token(domain, session_id, namespace)))
+        for number, topic in enumerate((POSE, TF, MAP), start=1):
+            key = rmw_key(domain, key_of(self._config, topic.name), topic.type_name)
+            token = publisher_token(domain, session_id, number, namespace, topic)
+            self._puts[topic] = _numbered(self._open(opened, topic, key), gid_of(token))
+            opened.enter_context(declare_token(token))
+
+    def _open(self, opened: ExitStack, topic: RosTopic, key: str) -> Put:
+        if topic.kept:
+            return opened.enter_context(KeptPublisher(self._session, key, zenoh.CongestionControl.BLOCK)).put
+        urgent, cdr = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Encoding.APPLICATION_CDR
+        return opened.enter_context(self._session.declare_publisher(key, encoding=cdr, priority=urgent)).put
+
+
+def _numbered(put: Put, gid: bytes) -> Put:
+    """`put` with the attachment without which rmw_zenoh ignores a message."""
+    numbers = itertools.count(1)
+    return lambda data: put(data, attachment=attachment(next(numbers), time.time_ns(), gid))

@@ -1,0 +1,82 @@
+"""Zenoh in: callbacks that do no more than put bytes into bounded queues."""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import Any
+
+import zenoh
+from zenoh.ext import AdvancedSubscriber, HistoryConfig, declare_advanced_subscriber
+
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.closing import Closing
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
+from wayfi.recordings.ros.topics import Encoding
+from wayfi.service.config import ZenohConfig
+from wayfi.service.transport.queues import QueueDrop, Queues
+from wayfi.service.transport.ros_keys import rmw_key_expression
+from wayfi.service.transport.zenoh_session import key_of
+
+SYNC = "wayfi/sync"
+KEPT_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
+
+
+class Subscribers(Closing):
+    """Subscribes to the `topics` of the sensors and fills `queues`; a context manager.
+
+    A topic's own key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. Those of rmw_zenoh are
+    longer, so that no message comes twice; their attachments say nothing that a message does not, and are not read.
+
+    The callbacks run in Zenoh's own receiving threads: only so do messages of one sender keep their order over all
+    topics, and a sender that puts with congestion control BLOCK is slowed down rather than cut off. A query of
+    `wayfi/sync` is answered when all that its asker put before has been received. Raises ZenohError.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], queues: Queues
+    ) -> None:
+        self._queues = queues
+        with ExitStack() as opened:
+            for sensor, topic in topics.items():
+                key = key_of(config, topic)
+                for keys in (key, rmw_key_expression(key, TYPE_OF_SENSOR[sensor])):
+                    opened.enter_context(_subscribe(session, keys, sensor, _direct(self._receiver(sensor))))
+            opened.enter_context(session.declare_queryable(key_of(config, SYNC), _direct(_answer)))
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Undeclare everything."""
+        self._opened.close()
+
+    def _receiver(self, sensor: Sensor) -> Callable[[zenoh.Sample], None]:
+        def receive(sample: zenoh.Sample) -> None:
+            if sample.kind != zenoh.SampleKind.PUT:
+                return
+            if not self._queues.fits(sensor, len(sample.payload)):
+                self._queues.refuse(sensor, QueueDrop.TOO_LARGE)
+                return
+            is_json = str(sample.encoding).startswith("application/json")
+            self._queues.put(sensor, Encoding.JSON if is_json else Encoding.CDR, sample.payload.to_bytes())
+
+        return receive
+
+
+def _subscribe(
+    session: zenoh.Session,
+    keys: str,
+    sensor: Sensor,
+    handler: Any,  # noqa: ANN401 - see _direct
+) -> "zenoh.Subscriber[None] | AdvancedSubscriber[None]":
+    """A subscriber; to what is said once and kept by its publisher, one that asks for it."""
+    if sensor is not Sensor.TF_STATIC:
+        return session.declare_subscriber(keys, handler)
+    history = HistoryConfig(detect_late_publishers=True, max_samples=KEPT_SAMPLES)
+    return declare_advanced_subscriber(session, keys, handler, history=history)
+
+
+def _answer(query: zenoh.Query) -> None:
+    with query:
+        query.reply(query.key_expr, b"")
+
+
+def _direct(callback: Callable[[Any], object]) -> Any:  # noqa: ANN401 - Zenoh's stubs do not let it pass as a handler
+    return zenoh.handlers.Callback(callback, indirect=False)

@@ -1,0 +1,256 @@
+"""From beams to points in base_link: geometry, mounts, normals, and the motion of a sweep."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rooms import see
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.intake.scan_intake import ScanIntake
+from wayfi.frontends.lidar.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
+from wayfi.frontends.odometry.driven_path import OdometryConfig, Wheels
+from wayfi.recordings.simulation.surfaces import box
+
+S = 1_000_000_000
+
+
+def scan(
+    ranges: list[float] | Floats, angle_min: float = 0.0, increment: float = 0.1, each_s: float = 0.0
+) -> LaserScan:
+    return LaserScan(S, "laser", np.asarray(ranges, np.float32), angle_min, increment, 0.05, 30.0, each_s)
+
+
+def quaternion(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> tuple[float, float, float, float]:
+    """x, y, z, w of Rz(yaw) Ry(pitch) Rx(roll)."""
+    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def mount(xy: tuple[float, float] = (0.0, 0.0), **angles: float) -> StaticTransform:
+    return StaticTransform("base_link", "laser", (*xy, 0.3), quaternion(**angles))
+
+
+# Beams
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0.1, 20.0), min_size=1, max_size=40), st.floats(-3, 3), st.floats(-0.1, 0.1))
+def test_beam_i_points_at_angle_min_plus_i_increments(ranges: list[float], angle_min: float, increment: float) -> None:
+    beams, points = beam_points(scan(ranges, angle_min, increment), 25.0)
+    np.testing.assert_array_equal(beams, np.arange(len(ranges)))
+    for i, (r, (x, y)) in enumerate(zip(ranges, points, strict=True)):
+        assert math.hypot(x, y) == pytest.approx(r, rel=1e-6)
+        bearing = angle_min + i * increment
+        np.testing.assert_allclose([x, y], [r * math.cos(bearing), r * math.sin(bearing)], atol=1e-5)
+
+
+def test_what_is_no_return_is_left_out_and_the_others_keep_their_bearing() -> None:
+    ranges = [math.nan, 1.0, math.inf, -1.0, 0.0, 0.04, 2.0, 31.0, 26.0, -math.inf]
+    beams, points = beam_points(scan(ranges), 25.0)
+    assert beams.tolist() == [1, 6]
+    np.testing.assert_allclose(points[1], [2 * math.cos(0.6), 2 * math.sin(0.6)], atol=1e-6)
+    assert returns(scan(ranges), 25.0).tolist() == [1, 6]
+
+
+def test_a_range_max_of_zero_is_one_that_is_not_known() -> None:
+    unknown = LaserScan(0, "laser", np.array([5.0, 30.0], np.float32), 0.0, 0.1, 0.0, 0.0)
+    assert returns(unknown, 25.0).tolist() == [0]
+    assert returns(scan([NEAREST_M / 2, 1.0]), 25.0).tolist() == [1]
+
+
+# Mounts
+
+
+@settings(deadline=None)
+@given(
+    st.floats(-3, 3), st.sampled_from([(0.0, 0.0), (math.pi, 0.0), (0.0, math.pi)]), st.floats(-1, 1), st.floats(-1, 1)
+)
+def test_mounts_upright_and_upside_down_place_points_as_their_rotation_does(
+    yaw: float, tilt: tuple[float, float], x: float, y: float
+) -> None:
+    roll, pitch = tilt
+    transform = mount((0.2, -0.1), roll=roll, pitch=pitch, yaw=yaw)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    tilted = np.diag([math.cos(pitch), math.cos(roll), math.cos(roll) * math.cos(pitch)])
+    expected = (Rz @ tilted @ np.array([x, y, 0.0]))[:2] + np.array([0.2, -0.1])
+    T_base_laser, upside_down = planar_mount(transform)
+    assert upside_down == (tilt != (0.0, 0.0))
+    np.testing.assert_allclose(to_base(np.array([[x, y]]), T_base_laser, upside_down, None)[0], expected, atol=1e-9)
+
+
+def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
+    intake = ScanIntake(LidarConfig())
+    intake.take_transforms(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),)))
+    points = intake.points(scan([2.0], angle_min=-math.pi / 2))
+    np.testing.assert_allclose(points, [[0.5, 2.0]], atol=1e-6)
+    assert intake.knows("laser")
+    assert not intake.knows("another")
+
+
+def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
+    intake = ScanIntake(LidarConfig(mount=[0.1, 0.2, math.pi / 2]))
+    intake.take_transforms(StaticTransforms(0, (mount((5.0, 5.0)),)))
+    np.testing.assert_allclose(intake.points(scan([1.0])), [[0.1, 1.2]], atol=1e-6)
+
+
+def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
+    intake = ScanIntake(LidarConfig())
+    nan = StaticTransform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    elsewhere = StaticTransform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    intake.take_transforms(StaticTransforms(0, (nan, elsewhere)))
+    assert not intake.knows("laser")
+    np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)
+
+
+# Normals and thinning
+
+
+def test_the_normals_of_a_room_are_those_of_its_walls_and_look_at_the_sensor() -> None:
+    rng = np.random.default_rng(0)
+    heading = 0.3
+    seen = see(box(-3.0, -2.0, 4.0, 3.0), Pose2(0.0, 0.0, heading), rng, sigma_m=0.002)
+    known = ~np.isnan(seen.normals[:, 0])
+    assert known.mean() > 0.9
+    points = Pose2(0.0, 0.0, heading).transform(seen.points[known])
+    normals = Pose2(0.0, 0.0, heading).transform(seen.normals[known])
+    distance = np.stack([points[:, 0] + 3, 4 - points[:, 0], points[:, 1] + 2, 3 - points[:, 1]])
+    wall, corner = np.argmin(np.abs(distance), axis=0), np.sort(np.abs(distance), axis=0)[1] < 0.3
+    inwards = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])[wall]
+    cosine = (normals * inwards).sum(axis=1)[~corner]
+    assert cosine.min() > math.cos(math.radians(8.0))
+    assert np.median(cosine) > math.cos(math.radians(2.0))
+    np.testing.assert_allclose(np.hypot(*normals.T), 1.0, atol=1e-9)
+
+
+def test_where_no_line_fits_there_is_no_normal() -> None:
+    alone = np.array([[1.0, 0.0], [0.0, 5.0], [-7.0, 0.0]])
+    assert np.isnan(lines_along(alone, np.zeros(2), 0.2)[1]).all()
+    blob = np.random.default_rng(1).normal([3.0, 0.0], 0.03, (40, 2))
+    assert np.isnan(lines_along(blob, np.zeros(2), 0.2)[1]).all(axis=1).mean() > 0.5
+    assert lines_along(np.empty((0, 2)), np.zeros(2), 0.2)[1].shape == (0, 2)
+
+
+def test_far_walls_have_normals_though_their_beams_are_wide_apart() -> None:
+    wall = np.stack([np.full(20, 20.0), np.arange(20) * 0.35], axis=1)
+    normals = lines_along(wall, np.zeros(2), 0.2)[1][1:-1]
+    np.testing.assert_allclose(np.abs(normals), [[1.0, 0.0]] * 18, atol=1e-9)
+
+
+def walls_of_a_corridor(rng: np.random.Generator, sigma_m: float) -> Floats:
+    """(n, 2) noisy points in beam order on two walls, 1.2 m to the right and the left of the sensor, up to 8 m away."""
+    bearings = np.concatenate([np.arange(-2.35, -0.15, 0.00436), np.arange(0.15, 2.35, 0.00436)])
+    ranges = 1.2 / np.abs(np.sin(bearings)) + sigma_m * rng.standard_normal(len(bearings))
+    return ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**31), st.floats(0.05, 0.3))
+def test_thinned_points_stand_as_far_apart_along_a_wall_as_asked(seed: int, spacing_m: float) -> None:
+    points = walls_of_a_corridor(np.random.default_rng(seed), 0.005)
+    normals = np.tile([0.0, -1.0], (len(points), 1))
+    kept = thin(points, normals, np.zeros(2), spacing_m)
+    assert kept[0] == 0
+    near = kept[np.abs(points[kept, 0]) < 1.0]
+    along = np.abs(np.diff(points[near, 0]))
+    assert np.median(along) == pytest.approx(spacing_m, abs=0.02)
+
+
+def test_thinning_does_not_choose_points_by_their_noise() -> None:
+    off = []
+    for seed in range(100):
+        points = walls_of_a_corridor(np.random.default_rng(seed), 0.02)
+        normals = np.tile([0.0, -1.0], (len(points), 1))
+        off.append(np.abs(points[thin(points, normals, np.zeros(2), 0.08), 1]) - 1.2)
+    off_m = np.concatenate(off)
+    assert abs(off_m.mean()) < 4 * off_m.std() / math.sqrt(len(off_m))
+
+
+def test_points_of_a_wall_are_moved_onto_it() -> None:
+    points = walls_of_a_corridor(np.random.default_rng(3), 0.003)
+    placed, normals = lines_along(points, np.zeros(2), 0.2)
+    seen = np.isfinite(normals[:, 0]) & (np.abs(points[:, 0]) < 2.0)
+    noise = (np.abs(points[seen, 1]) - 1.2).std()
+    assert (np.abs(placed[seen, 1]) - 1.2).std() < 0.7 * noise
+
+
+# Motion during a sweep
+
+
+def moving(speed_m_s: float, turn_rad_s: float) -> Wheels:
+    """A robot that drives and turns steadily from t = 0 s to 3 s, 100 Hz."""
+    wheels = Wheels(OdometryConfig())
+    for k in range(301):
+        t = k / 100
+        theta = turn_rad_s * t
+        if turn_rad_s:
+            x, y = speed_m_s / turn_rad_s * math.sin(theta), speed_m_s / turn_rad_s * (1 - math.cos(theta))
+        else:
+            x, y = speed_m_s * t, 0.0
+        wheels.advance(k * S // 100, Pose2(x, y, theta))
+    return wheels
+
+
+@pytest.mark.parametrize(("speed", "turn"), [(0.0, 0.0), (1.0, 0.0), (0.0, 0.4), (0.5, 0.3)])
+def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: float, turn: float) -> None:
+    """A wall at x = 5 m of the path, seen beam by beam for half a second from a robot that moves."""
+    wheels, beams, increment = moving(speed, turn), 60, 0.01
+    each_s = 0.5 / beams
+    T_path_start = wheels.at(S)
+    assert T_path_start is not None
+    ranges, expected = [], []
+    for i in range(beams):
+        point = wheels.at(S + int(i * each_s * S))
+        assert point is not None
+        bearing = -0.3 + i * increment
+        T = point.T_path_base
+        r = (5.0 - T.x) / math.cos(T.theta + bearing)
+        ranges.append(r)
+        hit = T.transform(np.array([[r * math.cos(bearing), r * math.sin(bearing)]]))
+        expected.append(T_path_start.T_path_base.inverse().transform(hit)[0])
+    intake = ScanIntake(LidarConfig())
+    intake.wait(S, scan(ranges, -0.3, increment, each_s))
+    (found, taken), *_ = intake.ready(wheels)
+    assert found is not None
+    placed = intake.place(found, taken, wheels)
+    assert placed is not None
+    np.testing.assert_allclose(placed.hits, expected, atol=0.01)
+
+
+def test_a_scan_waits_until_the_odometry_has_covered_its_sweep() -> None:
+    wheels = Wheels(OdometryConfig())
+    intake = ScanIntake(LidarConfig())
+    intake.wait(S, scan([1.0] * 50, each_s=0.01))
+    wheels.advance(S // 2, Pose2())
+    wheels.advance(S + S // 4, Pose2())
+    assert intake.ready(wheels) == []
+    wheels.advance(S + S // 2, Pose2())
+    assert len(intake.ready(wheels)) == 1
+    assert intake.ready(wheels) == []
+
+
+def test_a_scan_from_before_the_path_has_no_place() -> None:
+    wheels, intake = Wheels(OdometryConfig()), ScanIntake(LidarConfig())
+    intake.wait(S // 2, scan([1.0]))
+    wheels.advance(S, Pose2())
+    assert [point for point, _ in intake.ready(wheels)] == [None]
+
+
+def test_scans_ahead_of_the_odometrys_clock_are_forgotten() -> None:
+    intake, ahead = ScanIntake(LidarConfig()), scan([2.0])
+    intake.wait(S, scan([1.0]))
+    intake.wait(10 * S, ahead)
+    assert intake.waited_ns == S  # a gap counts for a second
+    assert intake.drop_ahead(5 * S) == [ahead]
+    assert [stamp_ns for stamp_ns, _ in intake.waiting()] == [S]
+    assert intake.waited_ns == 0

@@ -1,0 +1,106 @@
+"""Scan matching from keyframe to keyframe, and trust in wheels that follows what the laser finds."""
+
+import math
+
+import numpy as np
+from rooms import HALL, see
+
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.scan_tracker import ScanTracker, Tracked
+from wayfi.frontends.odometry.driven_path import OdometryConfig, PathPoint, wheel_covariance
+from wayfi.frontends.scan_points import ScanPoints
+
+LIDAR, ODOMETRY = LidarConfig(), OdometryConfig()
+START = Pose2(-4.5, -2.5, 0.0)
+STEP = Pose2(0.3, 0.0, 0.05)
+
+
+def follow(steps: int, wrong: Pose2, seed: int = 0, scanless: bool = False) -> tuple[ScanTracker, list[Tracked | None]]:
+    """Drive in the hall; the wheels tell each step multiplied by `wrong`. The poses are where the matches lead."""
+    rng, keyframes = np.random.default_rng(seed), Keyframes()
+    tracker = ScanTracker(keyframes, LIDAR, ODOMETRY)
+    truth, told, poses, tracked = START, Pose2(), [np.zeros(3)], []
+    first = None if scanless else see(HALL, truth, rng)
+    keyframes.append(Keyframe(PathPoint(0, told, 0.0), first))
+    for k in range(1, steps + 1):
+        truth, said = truth @ STEP, STEP @ wrong
+        point = PathPoint(k * 10**9, told @ said, k * 0.3)
+        motion, scan = keyframes[k - 1].point.motion_to(point), see(HALL, truth, rng)
+        tracked.append(tracker.match(scan, motion, motion.pose, np.array(poses)))
+        last = tracked[-1]
+        poses.append((Pose2.of(poses[-1]) @ (last.match.T_submap_scan if last else motion.pose)).array())
+        keyframes.append(Keyframe(point, None if scanless else scan))
+        told = point.T_path_base
+    return tracker, tracked
+
+
+def test_each_keyframe_is_matched_to_the_ones_before_it() -> None:
+    _, tracked = follow(12, Pose2(0.02, 0.0, 0.02))
+    for one in tracked:
+        assert one is not None
+        T = one.match.T_submap_scan
+        assert T.distance(STEP) < 0.015
+        assert abs(wrap(T.theta - STEP.theta)) < math.radians(0.2)
+        assert one.match.inlier_ratio > 0.8
+        assert one.submap.shape[1] == 2
+
+
+def test_the_drive_does_not_bend() -> None:
+    _, tracked = follow(15, Pose2(0.03, 0.0, 0.03))
+    T, truth = Pose2(), Pose2()
+    for one in tracked:
+        assert one is not None
+        T, truth = T @ one.match.T_submap_scan, truth @ STEP
+    assert T.distance(truth) < 0.05
+    assert abs(wrap(T.theta - truth.theta)) < 0.01
+
+
+def test_good_wheels_earn_their_trust() -> None:
+    tracker, _ = follow(25, Pose2())
+    assert tracker.inflation == 1.0
+
+
+def test_wheels_that_slip_lose_it_and_their_covariance_grows() -> None:
+    tracker, tracked = follow(25, Pose2(0.1, 0.03, 0.1))
+    assert tracker.inflation > 2 * LIDAR.trust.initial
+    assert all(one is not None and one.match.T_submap_scan.distance(STEP) < 0.03 for one in tracked)
+    motion = WheelMotion(STEP, 0.3, 1.0)
+    ratio = tracker.wheel_covariance(motion)[0, 0] / wheel_covariance(motion, ODOMETRY)[0, 0]
+    np.testing.assert_allclose(ratio, tracker.inflation)
+
+
+def test_trust_stays_within_its_bounds_whatever_the_wheels_say() -> None:
+    tracker, _ = follow(25, Pose2(0.6, 0.0, 0.3))
+    assert 1.0 <= tracker.inflation <= LIDAR.trust.most
+
+
+def test_without_a_submap_or_points_there_is_no_match_and_nothing_is_learnt() -> None:
+    tracker, tracked = follow(3, Pose2(), scanless=True)
+    assert tracked == [None] * 3
+    assert tracker.inflation == LIDAR.trust.initial
+
+    keyframes = Keyframes()
+    keyframes.append(Keyframe(PathPoint(0, Pose2(), 0.0), see(HALL, START, np.random.default_rng(0))))
+    few: Floats = np.ones((LIDAR.min_points - 1, 2))
+    tracker = ScanTracker(keyframes, LIDAR, ODOMETRY)
+    motion = WheelMotion(Pose2(), 0.1, 1.0)
+    assert tracker.match(ScanPoints(few, few, Pose2()), motion, Pose2(), np.zeros((1, 3))) is None
+
+
+def test_keyframes_keep_their_scans_and_paths_as_they_grow() -> None:
+    keyframes, scan = Keyframes(), see(HALL, START, np.random.default_rng(0))
+    for k in range(200):
+        keyframes.append(Keyframe(PathPoint(k, Pose2(), 0.5 * k), scan if k % 3 == 0 else None))
+    assert len(keyframes) == 200
+    np.testing.assert_array_equal(keyframes.paths_m, 0.5 * np.arange(200))
+    np.testing.assert_array_equal(keyframes.has_scan, np.arange(200) % 3 == 0)
+    poses = np.stack([np.arange(200.0), np.zeros(200), np.zeros(200)], axis=1)
+    scans, placed, numbers = keyframes.scans_around(-5, 10, poses[4], poses)
+    assert numbers.tolist() == [0, 3, 6, 9]
+    np.testing.assert_array_equal(placed[:, 0], [-4, -1, 2, 5])
+    assert scans == [scan] * 4
+    assert keyframes.scans_around(1, 3, poses[0], poses)[0] == []
+    assert keyframes.scans_around(198, 500, poses[0], poses)[2].tolist() == [198]

@@ -1,0 +1,212 @@
+"""The path that the wheels drive: increments, moments between messages, leaps, and when a keyframe is due."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Pose2, wrap
+from wayfi.frontends.odometry.driven_path import (
+    OdometryConfig,
+    Wheels,
+    calibration_prior,
+    keyframe_due,
+    wheel_covariance,
+)
+
+CONFIG = OdometryConfig()
+S = 1_000_000_000
+STEPS = st.lists(
+    st.builds(Pose2, st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5)), min_size=1, max_size=20
+)
+
+
+def driven(steps: list[Pose2], start: Pose2 | None = None, keep_s: float = 1000.0) -> Wheels:
+    """One message a second."""
+    wheels, T = Wheels(CONFIG, keep_s), start or Pose2()
+    wheels.advance(0, T)
+    for k, step in enumerate(steps):
+        T = T @ step
+        assert wheels.advance((k + 1) * S, T)
+    return wheels
+
+
+def motion(metres: float = 0.0, radians: float = 0.0, seconds: float = 0.1) -> WheelMotion:
+    return WheelMotion(Pose2(metres, 0.0, radians), abs(metres), seconds)
+
+
+@settings(deadline=None)
+@given(STEPS, st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3)))
+def test_the_path_is_the_odometry_and_its_length_the_sum_of_the_steps(steps: list[Pose2], start: Pose2) -> None:
+    wheels, T = driven(steps, start), start
+    for step in steps:
+        T = T @ step
+    latest = wheels.latest
+    assert latest is not None
+    assert latest.T_path_base.distance(T) < 1e-9
+    assert abs(wrap(latest.T_path_base.theta - T.theta)) < 1e-9
+    assert latest.path_m == pytest.approx(sum(math.hypot(step.x, step.y) for step in steps), abs=1e-9)
+
+
+@settings(deadline=None)
+@given(STEPS, st.floats(0, 1), st.floats(0, 1))
+def test_motions_join_at_any_moment(steps: list[Pose2], early: float, late: float) -> None:
+    wheels, end_ns = driven(steps), len(steps) * S
+    points = [wheels.at(int(share * end_ns)) for share in (0.0, min(early, late), max(early, late))]
+    first, a, b = (point for point in points if point is not None)
+    whole, parts = first.motion_to(b), [first.motion_to(a), a.motion_to(b)]
+    assert whole.path_m == pytest.approx(parts[0].path_m + parts[1].path_m, abs=1e-9)
+    assert whole.seconds == pytest.approx(parts[0].seconds + parts[1].seconds, abs=1e-9)
+    assert whole.pose.distance(parts[0].pose @ parts[1].pose) < 1e-9
+    assert min(part.path_m for part in parts) >= 0
+
+
+def test_between_two_messages_the_path_is_straight() -> None:
+    point = driven([Pose2(0.4, 0.2, 1.0)]).at(S // 4)
+    assert point is not None
+    np.testing.assert_allclose(point.T_path_base.array(), [0.1, 0.05, 0.25], atol=1e-12)
+    assert point.path_m == pytest.approx(math.hypot(0.4, 0.2) / 4)
+
+
+def test_the_heading_is_interpolated_the_short_way_round() -> None:
+    point = driven([Pose2(0.0, 0.0, 0.2)], Pose2(0.0, 0.0, math.pi - 0.1)).at(S // 2)
+    assert point is not None
+    assert abs(wrap(point.T_path_base.theta - math.pi)) < 1e-9
+
+
+def test_a_moment_outside_of_what_is_kept_has_no_place() -> None:
+    assert Wheels(CONFIG).at(0) is None
+    assert Wheels(CONFIG).latest is None
+    wheels = driven([Pose2(0.1, 0.0, 0.0)] * 20, keep_s=5.0)
+    assert wheels.at(21 * S) is None
+    assert wheels.at(-1) is None
+    assert wheels.at(10 * S) is None
+    assert wheels.at(16 * S) is not None
+    latest = wheels.latest
+    assert latest is not None
+    assert wheels.at(20 * S) == latest
+
+
+def test_a_leap_counts_as_no_motion_and_the_path_goes_on_from_there() -> None:
+    wheels = driven([Pose2(0.1, 0.0, 0.0)])
+    assert not wheels.advance(2 * S, Pose2(100.0, 50.0, 2.0))
+    assert wheels.advance(3 * S, Pose2(100.0, 50.0, 2.0) @ Pose2(0.2, 0.0, 0.1))
+    latest = wheels.latest
+    assert latest is not None
+    np.testing.assert_allclose(latest.T_path_base.array(), [0.3, 0.0, 0.1], atol=1e-9)
+    assert latest.path_m == pytest.approx(0.3)
+
+
+def test_a_gap_in_the_odometry_may_be_long_if_its_speed_is_plausible() -> None:
+    wheels = driven([])
+    assert wheels.advance(20 * S, Pose2(30.0, 0.0, 0.0))
+    assert not wheels.advance(21 * S, Pose2(30.0 + CONFIG.max_speed_m_s + 0.1, 0.0, 0.0))
+
+
+def test_another_source_of_odometry_joins_without_motion() -> None:
+    wheels = driven([Pose2(0.3, 0.0, 0.5)])
+    before = wheels.latest
+    wheels.restart()
+    assert wheels.advance(2 * S, Pose2(-7.0, 3.0, 1.0))
+    after = wheels.latest
+    assert before is not None
+    assert after is not None
+    assert after.T_path_base == before.T_path_base @ Pose2()
+    assert after.path_m == before.path_m
+
+
+def test_since_gives_what_came_after() -> None:
+    wheels = driven([Pose2(0.1, 0.0, 0.0)] * 5)
+    assert [point.stamp_ns for point in wheels.since(2 * S)] == [3 * S, 4 * S, 5 * S]
+    assert wheels.since(5 * S) == []
+
+
+@pytest.mark.parametrize(
+    ("way", "due"),
+    [
+        (motion(0.51), True),
+        (motion(0.49), False),
+        (motion(-0.51), True),
+        (motion(0.0, 0.51), True),
+        (motion(0.0, -0.51), True),
+        (motion(0.3, 0.3), False),
+        (motion(0.06, 0.0, 10.1), True),
+        (motion(0.0, 0.06, 10.1), True),
+        (motion(0.06, 0.0, 9.9), False),
+        (motion(0.01, 0.01, 1000.0), False),
+    ],
+)
+def test_a_keyframe_is_due_by_path_by_turn_and_by_time_if_the_robot_moved(way: WheelMotion, due: bool) -> None:
+    assert keyframe_due(way, CONFIG) is due
+
+
+def test_a_factor_stretches_the_distance_between_keyframes() -> None:
+    assert keyframe_due(motion(0.3), CONFIG, 0.5)
+    assert not keyframe_due(motion(0.9), CONFIG, 2.0)
+
+
+@settings(deadline=None)
+@given(st.builds(Pose2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)), st.floats(0, 5), st.floats(1, 200))
+def test_the_wheels_covariance_is_positive_definite_and_grows_with_its_inflation(
+    pose: Pose2, path_m: float, inflation: float
+) -> None:
+    way = WheelMotion(pose, path_m, 1.0)
+    covariance = wheel_covariance(way, CONFIG)
+    assert np.linalg.eigvalsh(covariance)[0] > 0
+    np.testing.assert_array_equal(covariance, covariance.T)
+    np.testing.assert_allclose(wheel_covariance(way, CONFIG, inflation), inflation * covariance, rtol=1e-6, atol=1e-5)
+
+
+def test_the_wheels_covariance_is_that_of_a_sampled_drive() -> None:
+    """Of many small straight steps, each with its own random error, over 2 m."""
+    rng = np.random.default_rng(0)
+    n, drives = 50, 4000
+    step = 2.0 / n
+    turn = rng.normal(0, CONFIG.sigma_theta_per_sqrt_m * math.sqrt(step), (drives, n)).cumsum(axis=1)
+    along, aside = rng.normal(0, CONFIG.sigma_xy_per_sqrt_m * math.sqrt(step), (2, drives, n))
+    x = ((step + along) * np.cos(turn) - aside * np.sin(turn)).sum(axis=1)
+    y = ((step + along) * np.sin(turn) + aside * np.cos(turn)).sum(axis=1)
+    seen = np.sqrt(np.diag(np.cov(np.stack([x, y, turn[:, -1]]))))
+    claimed = np.sqrt(np.diag(wheel_covariance(WheelMotion(Pose2(2.0, 0.0, 0.0), 2.0, 4.0), CONFIG)))
+    np.testing.assert_allclose(claimed, seen, rtol=0.1)
+
+
+def test_what_is_believed_of_the_wheels_before_a_drive_is_nothing_but_its_sigmas() -> None:
+    prior = calibration_prior(CONFIG)
+    np.testing.assert_array_equal(prior.values, 0)
+    assert prior.sigmas.tolist() == [
+        CONFIG.prior_distance_scale,
+        CONFIG.prior_turn_scale,
+        CONFIG.prior_turn_bias_rad_per_m,
+        CONFIG.prior_turn_bias_rad_per_s,
+    ]
+
+
+def test_odometry_that_begins_anew_while_nobody_looks_says_nothing_of_the_way() -> None:
+    wheels = Wheels(OdometryConfig())
+    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
+    before = wheels.latest
+    wheels.go_on()
+    assert not wheels.advance(60 * 10**9, Pose2(0.01, 0.0, 0.0))
+    after = wheels.latest
+    assert before is not None
+    assert after is not None
+    motion = before.motion_to(after)
+    assert motion.pose.distance(Pose2()) < 1e-12
+    assert (motion.path_m, motion.breaks) == (0.0, 1)
+    assert keyframe_due(motion, OdometryConfig())
+    assert np.sqrt(wheel_covariance(motion, OdometryConfig())[0, 0]) >= 1.0
+
+
+def test_odometry_that_goes_on_while_nobody_looks_is_believed() -> None:
+    wheels = Wheels(OdometryConfig())
+    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
+    wheels.go_on()
+    assert wheels.advance(60 * 10**9, Pose2(12.0, 3.0, 0.0))
+    latest = wheels.latest
+    assert latest is not None
+    assert latest.path_m == pytest.approx(4.0)
+    assert latest.breaks == 0

@@ -1,0 +1,49 @@
+"""The grid in the stream: redrawn as the drive goes, at moments that depend on the measurements alone."""
+
+import numpy as np
+from drives import Simulated
+
+from wayfi.frontends.events import Event, GridRedrawn, PosePublished
+from wayfi.frontends.pipeline import Pipeline, Result
+from wayfi.service.config import load_config
+
+
+def driven(drive: Simulated) -> tuple[list[Event], list[Event], Result]:
+    pipeline = Pipeline(load_config((), ()))
+    events = [event for arrival in drive.arrivals for event in pipeline.process(arrival.measurement)]
+    result, last = pipeline.finish()
+    return events, last, result
+
+
+def test_the_grid_is_redrawn_as_the_drive_goes_and_exact_at_its_end(minute: Simulated) -> None:
+    events, last, result = driven(minute)
+    live = [event for event in events if isinstance(event, GridRedrawn)]
+    assert len(live) >= 3
+    known = [(event.occupancy != 0.5).sum() for event in live]
+    assert (np.diff(known) > 0).all()
+    (final,) = (event for event in last if isinstance(event, GridRedrawn))
+    np.testing.assert_array_equal(final.occupancy, result.grid.probability())
+    assert (final.resolution_m, final.origin_xy_m) == (result.grid.resolution_m, result.grid.origin_xy_m)
+
+
+def test_a_redrawn_grid_follows_the_pose_of_its_moment(minute: Simulated) -> None:
+    events, _, _ = driven(minute)
+    for i, event in enumerate(events):
+        if isinstance(event, GridRedrawn):
+            before = events[i - 1]
+            assert isinstance(before, PosePublished)
+            assert before.stamp_ns == event.stamp_ns
+
+
+def test_the_same_measurements_give_the_same_redraws(minute: Simulated) -> None:
+    once, again = ([e for e in driven(minute)[0] if isinstance(e, GridRedrawn)] for _ in range(2))
+    assert [e.stamp_ns for e in once] == [e.stamp_ns for e in again]
+    for a, b in zip(once, again, strict=True):
+        np.testing.assert_array_equal(a.occupancy, b.occupancy)
+
+
+def test_without_a_laser_there_is_nothing_to_redraw(minute: Simulated) -> None:
+    config = load_config((), ["lidar.enabled=false"])
+    pipeline = Pipeline(config)
+    events = [event for arrival in minute.arrivals for event in pipeline.process(arrival.measurement)]
+    assert not any(isinstance(event, GridRedrawn) for event in events)

@@ -1,0 +1,46 @@
+"""The log that runs in a process of its own writes what the one beside would, and says when it cannot."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+from rerun_events import drive
+
+from wayfi.recordings.rerun.config import RerunConfig
+from wayfi.recordings.rerun.log_process import LogProcess, LogProcessError, Part
+from wayfi.recordings.rerun.rerun_log import RerunLog
+
+EVENTS = list(drive(40, 60))
+CONFIG = replace(RerunConfig(), scan_points=50)
+
+
+def entities(path: Path) -> dict[str, int]:
+    """Rows by entity."""
+    rows: dict[str, int] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+    return rows
+
+
+def log_all_and_close(log: LogProcess | RerunLog) -> None:
+    for event in EVENTS:
+        log.log(event)
+    log.log_durations({"wifi": 0.002})
+    log.close()
+
+
+def test_the_file_holds_what_a_log_in_this_process_holds(tmp_path: Path) -> None:
+    beside, here = (
+        LogProcess(Part(CONFIG, tmp_path / "a.rrd", "one")),
+        RerunLog(CONFIG, tmp_path / "b.rrd", False, "one"),
+    )
+    for log in (beside, here):
+        log_all_and_close(log)
+    assert entities(tmp_path / "a.rrd") == entities(tmp_path / "b.rrd")
+
+
+def test_a_file_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
+    log = LogProcess(Part(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one"))
+    with pytest.raises(LogProcessError, match="the log ended early"):
+        log_all_and_close(log)
