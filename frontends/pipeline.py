@@ -27,14 +27,14 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.frontends.odometry.driven_path import PathPoint, Wheels, calibration_prior, fault_of, keyframe_due
+from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint, calibration_prior, fault_of, keyframe_due
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.timebase import TimeBase
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.slam import Slam, Timer
 from wayfi.frontends.slam_config import SlamConfig
+from wayfi.frontends.wifi.readings_by_place import PlacedReadings
 from wayfi.frontends.wifi.wifi import Fingerprint
-from wayfi.frontends.wifi.wifi_by_place import PlacedReadings
 
 ODOMETRY_WAIT_NS = 2_000_000_000  # of scans without odometry, after which the laser leads
 TELL_EVERY = 50  # messages of odometry, of a robot that stands still
@@ -63,7 +63,7 @@ class Pipeline:
         self._config = config
         self._timer: Timer = timer or (lambda _: nullcontext())
         self._time = TimeBase()
-        self._wheels = Wheels(config.odometry)
+        self._path = DrivenPath(config.odometry)
         self._slam = Slam(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
         self._wifi = WifiIntake()
@@ -116,7 +116,7 @@ class Pipeline:
     def estimate(self, serial: int) -> Estimate:
         """What a live pose needs to go on from here."""
         anchor = self._slam.anchor() if len(self._slam.keyframes) and not self._laser_leads else None
-        return Estimate(serial, self._odometry_taken, deepcopy(self._time), self._wheels.tip(), anchor)
+        return Estimate(serial, self._odometry_taken, deepcopy(self._time), self._path.tip(), anchor)
 
     def new_estimate(self, serial: int) -> Estimate | None:
         """The estimate, where there is a new keyframe or some odometry since the last that this returned."""
@@ -136,12 +136,12 @@ class Pipeline:
 
     @property
     def _stamp_ns(self) -> int:
-        return self._wheels.latest.stamp_ns if self._wheels.latest else 0
+        return self._path.latest.stamp_ns if self._path.latest else 0
 
     def go_on(self, seconds: float) -> list[Event]:
         """Whoever feeds this was away for so long; a new estimate is due."""
         self._told = (-1, 0)
-        self._wheels.go_on()
+        self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self._stamp_ns, text)]
 
@@ -155,9 +155,9 @@ class Pipeline:
             return
         if self._laser_leads:
             self._laser_leads = None
-            self._wheels.restart()
+            self._path.restart()
             yield Warned(stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
-        latest = self._wheels.latest
+        latest = self._path.latest
         if latest is not None and stamp_ns <= latest.stamp_ns:
             yield Dropped(Sensor.ODOM, stamp_ns, DropReason.TOO_LATE)
             return
@@ -169,15 +169,15 @@ class Pipeline:
 
     def _advance(self, stamp_ns: int, T_odom_base: Pose2, published: PosePublished | None = None) -> Iterator[Event]:
         """The robot has come to `T_odom_base`: use what waited for it, then publish where that is."""
-        if not self._wheels.advance(stamp_ns, T_odom_base):
+        if not self._path.advance(stamp_ns, T_odom_base):
             yield Warned(stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
-        point = self._wheels.latest
+        point = self._path.latest
         assert point is not None
         if len(self._slam.keyframes) == 0:
             yield from self._slam.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
-        yield from self._use_wifi(self._wifi.ready(self._wheels))
+        yield from self._use_wifi(self._wifi.ready(self._path))
         yield self._publish(point, T_odom_base, published)
         yield from self._redraw_grid(stamp_ns)
 
@@ -210,7 +210,7 @@ class Pipeline:
             yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
             return
         stamp_ns += self._laser_shift_ns
-        latest = self._wheels.latest
+        latest = self._path.latest
         sweep = yield from self._laser_watch.take(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
         if sweep is None:
             return
@@ -228,24 +228,24 @@ class Pipeline:
         """Where no odometry comes, scan matching from scan to scan takes its place."""
         if self._laser_leads is None:
             self._laser_leads = LaserLead(self._config.lidar, self._scans)
-            self._wheels.restart()
+            self._path.restart()
             yield Warned(stamp_ns, "no odometry: the laser leads")
         yield from self._wifi.compare(stamp_ns)
         for scan_ns, scan in self._scans.waiting():
-            latest = self._wheels.latest
+            latest = self._path.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
             yield from self._advance(scan_ns, self._laser_leads.register(scan_ns, scan))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the laser leads as far as it did, or where odometry never came; else they came after it."""
-        if waiting and (self._laser_leads or self._wheels.latest is None):
+        if waiting and (self._laser_leads or self._path.latest is None):
             yield from self._lead_by_laser(waiting[-1][0])
         else:
             yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _use_scans(self) -> Iterator[Event]:
-        for point, scan in self._scans.ready(self._wheels):
+        for point, scan in self._scans.ready(self._path):
             if point is None:
                 yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.TOO_LATE)
                 continue
@@ -257,13 +257,13 @@ class Pipeline:
                 continue
             yield from self._warn_unmounted(scan)
             with self._timer("scan_points"):
-                placed = self._scans.place(point, scan, self._wheels)
+                placed = self._scans.place(point, scan, self._path)
             yield from self._slam.add_keyframe(point, placed)
             yield from self._correct_stamps(point.stamp_ns)
 
     def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
         """Where the laser has another clock than the odometry, correct its stamps and forget what it said till then."""
-        offset_s = self._slam.laser_clock.offset_s(self._wheels)
+        offset_s = self._slam.laser_clock.offset_s(self._path)
         if offset_s is None:
             return
         self._laser_shift_ns += round(offset_s * SECOND_NS)
@@ -282,12 +282,12 @@ class Pipeline:
         if not self._config.wifi.enabled:
             yield Dropped(Sensor.WIFI, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        yield from self._wifi.take(m, self._time.offset_ns, self._wheels.latest)
-        yield from self._use_wifi(self._wifi.ready(self._wheels))
+        yield from self._wifi.take(m, self._time.offset_ns, self._path.latest)
+        yield from self._use_wifi(self._wifi.ready(self._path))
 
     def _use_wifi(self, ready: Iterator[PlacedReadings | Event]) -> Iterator[Event]:
         for heard in ready:
-            latest = self._wheels.latest
+            latest = self._path.latest
             if isinstance(heard, PlacedReadings) and latest is not None:
                 yield from self._slam.add_wifi(latest.stamp_ns, heard.receiver, heard.point, heard.readings)
             elif not isinstance(heard, PlacedReadings):

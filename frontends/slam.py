@@ -7,8 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import Between
-from wayfi.backend.graph.factors import Wheels as WheelFactor
+from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.health import Health, State, judge_health
 from wayfi.backend.graph.pose_graph import PoseGraph, UpdateSummary
 from wayfi.backend.graph.wheel_calibration import WheelMotion
@@ -37,7 +36,7 @@ from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE, Anchor
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.wifi.fingerprints import Readings, Similar
-from wayfi.frontends.wifi.wifi import Fingerprint, Wifi, WifiCandidate
+from wayfi.frontends.wifi.wifi import Fingerprint, WifiCandidate, WifiFrontend
 
 CALIBRATION_EVERY = 20  # keyframes between two looks at the calibration's sigmas
 SETTLING_REVIEWS = 3
@@ -61,7 +60,7 @@ class Slam:
         self._timer = timer
         self.graph = PoseGraph(config.backend, prior.wheels)
         self.keyframes = Keyframes()
-        self.wifi = Wifi(config.wifi, prior.receivers)
+        self.wifi = WifiFrontend(config.wifi, prior.receivers)
         self.grid = GridMap(config.map)
         self._start_tracking()
         verdicts = Verdicts()
@@ -90,14 +89,16 @@ class Slam:
 
     def keyframe_stretch(self) -> float:
         """Keyframes stand closer where the wheels are found to be poor: a factor on their distance."""
-        return max(0.2, 1.0 / math.sqrt(self._tracker.inflation))
+        return max(0.2, 1.0 / math.sqrt(self._tracker.covariance_scale))
 
     def anchor(self) -> Anchor:
         """What poses since the newest keyframe hang on."""
         keyframe = self.keyframes[len(self.keyframes) - 1]
         state = self.health.state if self.health else State.TRACKING
         T_map_base = Pose2.of(self.poses[-1])
-        return Anchor(keyframe.point, T_map_base, self._covariance, self._calibration, self._tracker.inflation, state)
+        return Anchor(
+            keyframe.point, T_map_base, self._covariance, self._calibration, self._tracker.covariance_scale, state
+        )
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """A new keyframe at `point`, with its scan if there is one; closes loops from it."""
@@ -135,12 +136,12 @@ class Slam:
         events: list[Event] = [_fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
             if candidate is not None and self._lidar_closer.sees(candidate):
-                tried = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
-                if tried.closed:
+                outcome = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
+                if outcome.closed:
                     self.wifi.confirm(candidate)
-                elif tried.open:
+                elif outcome.open:
                     self.wifi.hold(candidate)
-                events += tried.events
+                events += outcome.events
             elif candidate is not None:
                 self.wifi.hold(candidate)
             events += self._close_by_wifi(self.wifi.released(), stamp_ns)
@@ -206,7 +207,9 @@ class Slam:
                 tracked = self._track(placed, motion, number)
             if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
                 match = tracked.match
-                self._matches.append(self.graph.add(Between(number - 1, number, match.T_submap_scan, match.covariance)))
+                self._matches.append(
+                    self.graph.add(BetweenFactor(number - 1, number, match.T_submap_scan, match.covariance))
+                )
                 before = self.keyframes[number - 1]
                 if before.scan is not None:
                     self.laser_clock.take(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)

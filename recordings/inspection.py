@@ -161,14 +161,14 @@ def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) ->
         duration_s=recording.duration_s,
         message_count=sum(topic.count for topic in found),
         sha256=recording.sha256(),
-        usable=any(_leads(tally) for tally in tallies.values()),
+        usable=any(_leads(counters) for counters in tallies.values()),
         topics=found,
         warnings=tuple(recording.warnings),
     )
 
 
-def _leads(tally: _Tally) -> bool:
-    return tally.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and tally.undecodable < tally.count
+def _leads(counters: _Tally) -> bool:
+    return counters.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and counters.undecodable < counters.count
 
 
 def _median_rate_hz(steps_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import Wheels
+from wayfi.backend.graph.factors import WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures.verdicts import Verdicts
@@ -77,7 +77,7 @@ def drive(rounds: float, radius_m: float = 1.5, bias: float = 0.0, laser: bool =
         point = PathPoint(k * S, told, STEP_M * k)
         motion = keyframes[k - 1].point.motion_to(point)
         graph.add_keyframe(graph.pose(k - 1) @ motion.corrected(graph.calibration_values()))
-        graph.add(Wheels(k - 1, k, motion, wheel_covariance(motion, ODOMETRY)))
+        graph.add(WheelFactor(k - 1, k, motion, wheel_covariance(motion, ODOMETRY)))
         graph.update()
         keyframes.append(Keyframe(point, see(HALL, start @ truth[-1], rng) if laser else None))
     return Circles(graph, keyframes, Verdicts(), truth, round(2 * math.pi * radius_m / STEP_M))

@@ -32,7 +32,7 @@ from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import Config, ZenohConfig
 from wayfi.service.evaluation.trajectory_scores import absolute_error
-from wayfi.service.replay.pace import Pace
+from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.replay.publish import publish_recording
 from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 from wayfi.service.transport.subscribers import SYNC
@@ -198,9 +198,9 @@ class Robot(threading.Thread):
         self.put: list[tuple[float, bytes]] = []
 
     def run(self) -> None:
-        pace = Pace(self._rate)
+        playback = PlaybackRate(self._rate)
         for record in open_recording(self._recording):
-            pace.wait_for(record.log_time_ns)
+            playback.wait_for(record.log_time_ns)
             self._daemon.session.put(
                 self._daemon.key(record.topic),
                 record.data,

@@ -18,7 +18,7 @@ class FactorError(WayfiError):
 
 
 @dataclass(frozen=True, slots=True)
-class Between:
+class BetweenFactor:
     """A relative-pose constraint: T_a_b with its (3, 3) covariance in (x, y, theta) of a, m and rad."""
 
     a: int
@@ -28,7 +28,7 @@ class Between:
 
 
 @dataclass(frozen=True, slots=True)
-class Wheels:
+class WheelFactor:
     """What the wheels said between keyframes a and b, with the (3, 3) covariance of its random part."""
 
     a: int
@@ -38,7 +38,7 @@ class Wheels:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Near:
+class NearFactor:
     """`place_a` (2,) m in keyframe a and `place_b` (2,) m in keyframe b are one place, to `sigma_m` along each axis."""
 
     a: int
@@ -48,12 +48,12 @@ class Near:
     sigma_m: float
 
 
-Factor = Between | Wheels | Near
+Factor = BetweenFactor | WheelFactor | NearFactor
 
 
 def closes_loop(factor: Factor) -> bool:
     """Whether a factor ties keyframes that do not follow on each other."""
-    return isinstance(factor, Near) or (isinstance(factor, Between) and abs(factor.a - factor.b) > 1)
+    return isinstance(factor, NearFactor) or (isinstance(factor, BetweenFactor) and abs(factor.a - factor.b) > 1)
 
 
 def validate(factor: Factor, keyframes: int) -> None:
@@ -61,21 +61,21 @@ def validate(factor: Factor, keyframes: int) -> None:
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
     if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
         raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")
-    if isinstance(factor, Near):
+    if isinstance(factor, NearFactor):
         _validate_places(name, factor)
     else:
         _validate_motion(name, factor)
         _validate_covariance(name, factor.covariance)
 
 
-def _validate_places(name: str, near: Near) -> None:
+def _validate_places(name: str, near: NearFactor) -> None:
     if not (np.isfinite([*near.place_a, *near.place_b]).all() and 0 < near.sigma_m < math.inf):
         raise FactorError(f"{name}: its places must be finite, and its sigma finite and above zero")
 
 
-def _validate_motion(name: str, factor: Between | Wheels) -> None:
-    pose = factor.T_a_b if isinstance(factor, Between) else factor.motion.pose
-    way = (0.0, 0.0) if isinstance(factor, Between) else (factor.motion.path_m, factor.motion.seconds)
+def _validate_motion(name: str, factor: BetweenFactor | WheelFactor) -> None:
+    pose = factor.T_a_b if isinstance(factor, BetweenFactor) else factor.motion.pose
+    way = (0.0, 0.0) if isinstance(factor, BetweenFactor) else (factor.motion.path_m, factor.motion.seconds)
     if not pose.is_finite() or not np.isfinite(way).all() or not np.isfinite(factor.covariance).all():
         raise FactorError(f"{name}: its pose, path, time and covariance must be finite")
 

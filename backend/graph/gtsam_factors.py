@@ -6,7 +6,7 @@ from collections.abc import Callable
 import gtsam
 import numpy as np
 
-from wayfi.backend.graph.factors import Between, Factor, Near, Wheels
+from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 
@@ -28,16 +28,16 @@ def in_b(covariance: Floats, theta_a_b: float) -> Floats:
 
 def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
     """The factor, the wheels' calibration estimated with it."""
-    if isinstance(factor, Between):
+    if isinstance(factor, BetweenFactor):
         return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
-    if isinstance(factor, Near):
+    if isinstance(factor, NearFactor):
         return near_factor(factor.a, factor.b, factor.place_a, factor.place_b, factor.sigma_m)
     return wheel_factor(factor.a, factor.b, factor.motion, factor.covariance)
 
 
 def calibrated_factor(factor: Factor, calibration: Floats) -> gtsam.NonlinearFactor:
     """The factor when the calibration (4,) is known: gtsam's own, which is many times faster, for the wheels."""
-    if isinstance(factor, Wheels):
+    if isinstance(factor, WheelFactor):
         return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
     return gtsam_factor(factor)
 

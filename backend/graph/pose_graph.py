@@ -13,7 +13,7 @@ import gtsam
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import Factor, FactorError, Near, Wheels, closes_loop, validate
+from wayfi.backend.graph.factors import Factor, FactorError, NearFactor, WheelFactor, closes_loop, validate
 from wayfi.backend.graph.gtsam_factors import (
     CALIBRATION,
     calibrated_factor,
@@ -203,10 +203,10 @@ class PoseGraph:
 
     def _disagreement(self, factor: Factor) -> float:
         """How far (m) a closure is from the estimate, beyond three sigmas of it; 0 for a factor that closes none."""
-        if not closes_loop(factor) or isinstance(factor, Wheels):
+        if not closes_loop(factor) or isinstance(factor, WheelFactor):
             return 0.0
         T_map_a, T_map_b = self.pose(factor.a), self.pose(factor.b)
-        if isinstance(factor, Near):
+        if isinstance(factor, NearFactor):
             (ax, ay), (bx, by) = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
             return math.hypot(bx - ax, by - ay) - 3 * factor.sigma_m
         apart = T_map_a.between(T_map_b).distance(factor.T_a_b)
@@ -254,9 +254,9 @@ class PoseGraph:
         covariance: Floats = J @ self.relative_covariance(a, b) @ J.T
         return covariance
 
-    def wheels(self) -> list[Wheels]:
+    def wheels(self) -> list[WheelFactor]:
         """The wheel factors, in the order they came."""
-        return [factor for factor in self._factors.values() if isinstance(factor, Wheels)]
+        return [factor for factor in self._factors.values() if isinstance(factor, WheelFactor)]
 
     def factors(self) -> dict[int, Factor]:
         """Every factor by its number, queued ones included."""

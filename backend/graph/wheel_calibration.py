@@ -37,13 +37,13 @@ class WheelCalibration:
 class WheelMotion:
     """What the wheels said between two moments: the pose of the later in the earlier, the path (m) and the time (s).
 
-    `breaks` times in between they began anew, and nobody knows how far the robot had been moved.
+    `discontinuities` times in between they began anew, and nobody knows how far the robot had been moved.
     """
 
     pose: Pose2
     path_m: float
     seconds: float
-    breaks: int = 0
+    discontinuities: int = 0
 
     def corrected(self, calibration: Floats) -> Pose2:
         """The motion that wheels of `calibration` (4,) made when they said this."""

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wayfi.backend.grid.patch import NOWHERE, Patch, Window
+from wayfi.backend.grid.patch import NOWHERE, CellWindow, Patch
 
 HIT, PASS = 3, -1  # of 2, rays that graze a wall from afar erase a twentieth of all walls; of 4, specks stay
 COVERED = 0.7  # of a cell: nearer to each other than this, two rays leave a third between them hardly any cell
@@ -58,11 +58,11 @@ def draw_patch(scans: Sequence[GridScan], poses: Floats, cell_m: float, max_rang
     return Patch(patch.window, _sharpened(patch.evidence))
 
 
-def _around(reaches: Sequence[Floats]) -> Window:
+def _around(reaches: Sequence[Floats]) -> CellWindow:
     """The cells of all `reaches`, with a border."""
     sides = np.floor(reaches).astype(np.int64)
     (column, row), (column_last, row_last) = sides[:, 0].min(axis=0).tolist(), sides[:, 1].max(axis=0).tolist()
-    return Window(row, column, row_last + 1, column_last + 1).grown(BORDER)
+    return CellWindow(row, column, row_last + 1, column_last + 1).grown(BORDER)
 
 
 @njit(cache=True)

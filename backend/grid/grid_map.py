@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.grid.drawing import Floats, GridScan, Points, draw_patch
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.grid.patch import NOWHERE, Patch, Window, around
+from wayfi.backend.grid.patch import NOWHERE, CellWindow, Patch, around
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import wrap_all
 
@@ -120,7 +120,7 @@ class GridMap:
         furthest_m = np.maximum.reduceat(shift_m, np.arange(0, len(poses), SUBMAP_KEYFRAMES))
         return np.argsort(-furthest_m, kind="stable")[: np.count_nonzero(furthest_m > tolerance_m)]
 
-    def _draw(self, number: int, poses: Floats) -> Window:
+    def _draw(self, number: int, poses: Floats) -> CellWindow:
         """Draw a submap; returns the cells around what that changes in the base."""
         first = number * SUBMAP_KEYFRAMES
         members = slice(first, min(first + SUBMAP_KEYFRAMES, len(poses)))
@@ -129,7 +129,7 @@ class GridMap:
         self._drawn[members] = poses[members]
         return around([before, self._patches[number].window]) if number < self._in_base else NOWHERE
 
-    def _weigh_in(self, changed: Window) -> int:
+    def _weigh_in(self, changed: CellWindow) -> int:
         """Bring the base up to date in `changed`, and with the submaps filled since; returns the cells it took."""
         self._base = self._base.covering(changed, SLACK)
         self._base.cells(changed)[:] = 0

@@ -9,7 +9,7 @@ from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
 from wayfi.frontends.closures.consensus import ConsensusConfig
-from wayfi.frontends.lidar.correlative import Window, build_field, search
+from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
@@ -52,7 +52,7 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Check:
+class CheckResult:
     """A bounded check: where it puts b in a, its (3, 3) covariance, and why it is refused ("" if it is not)."""
 
     T_a_b: Pose2
@@ -86,13 +86,13 @@ def check(
     expected: Expected,
     config: ClosureConfig,
     lidar: LidarConfig,
-) -> Check | None:
+) -> CheckResult | None:
     """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) where it is `expected`; None if empty."""
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
     most = (config.max_window_m, config.max_window_rad)
-    window = Window.of(expected.covariance, config.gate_chi2, LEAST_WINDOW, most)
+    window = SearchWindow.of(expected.covariance, config.gate_chi2, LEAST_WINDOW, most)
     likelihood = build_field(submap.points, lidar.correlative)
     peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
@@ -111,7 +111,7 @@ def check(
         refused = "ICP left the peak that the search found"
     elif chi2 > config.gate_chi2:
         refused = f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}"
-    return Check(
+    return CheckResult(
         result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second, submap.points, refused
     )
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.graph.factors import Between
+from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures.lidar_check import (
-    Check,
+    CheckResult,
     ClosureConfig,
     Expected,
     at_one_place,
@@ -39,7 +39,7 @@ class _Proposed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tried:
+class CheckOutcome:
     """What came of a WiFi candidate that the laser saw: `events`, and whether its loop is `closed` by it.
 
     It is `open` if it is not, and the estimate knows less of the two places than WiFi claims.
@@ -87,21 +87,21 @@ class LidarCloser:
         a, b = candidate.a.keyframe, candidate.b.keyframe
         return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
 
-    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> Tried:
+    def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> CheckOutcome:
         """Check what WiFi proposes, where the laser `sees` it; what lies on a way that is closed is not judged."""
         a, b = candidate.a, candidate.b
         if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
-            return Tried([])
+            return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
         is_open = position_sigma(expected.covariance) > candidate.sigma_m
         nearer, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
         proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
             why = f"WiFi contradicts the estimate: chi2 {chi2:.1f} over {self._closure.gate_chi2}"
-            return Tried([self._judge(proposed, _unchecked(nearer, why))], open=is_open)
+            return CheckOutcome([self._judge(proposed, _unchecked(nearer, why))], open=is_open)
         events = self._close(proposed, nearer, stamp_ns, poses)
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
-        return Tried(events, closed, is_open and not closed)
+        return CheckOutcome(events, closed, is_open and not closed)
 
     def review(self, poses: Floats) -> list[Event]:
         """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
@@ -152,7 +152,7 @@ class LidarCloser:
         ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
         return float(min([abs(path[b] - path[a]), *ways]))
 
-    def _judge(self, p: _Proposed, done: Check) -> ClosureJudged:
+    def _judge(self, p: _Proposed, done: CheckResult) -> ClosureJudged:
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
         judged = self._verdicts.enter(ClosureJudged(
@@ -161,10 +161,10 @@ class LidarCloser:
             refused or "agrees with the estimate",
         ))  # fmt: skip
         if not refused:
-            self._accepted[judged.closure] = self._graph.add(Between(p.a, p.b, done.T_a_b, done.covariance))
+            self._accepted[judged.closure] = self._graph.add(BetweenFactor(p.a, p.b, done.T_a_b, done.covariance))
         return judged
 
 
-def _unchecked(expected: Expected, why: str) -> Check:
+def _unchecked(expected: Expected, why: str) -> CheckResult:
     """The check of a candidate that is refused before its scans are compared."""
-    return Check(expected.T_a_b, expected.covariance, np.nan, np.nan, np.nan, np.empty((0, 2)), why)
+    return CheckResult(expected.T_a_b, expected.covariance, np.nan, np.nan, np.nan, np.empty((0, 2)), why)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import Near
+from wayfi.backend.graph.factors import NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, meeting
@@ -189,7 +189,7 @@ class WifiCloser:
         a, b = claim.candidate.a, claim.candidate.b
         independent = claim.gap_m / self._wifi.independent_m
         sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
-        claim.factor = self._graph.add(Near(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
+        claim.factor = self._graph.add(NearFactor(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
         self._refused -= 1
         if not claim.confirmed:
             self._confirm(claim.candidate)
@@ -223,7 +223,7 @@ class WifiCloser:
             np.array([f.place for f in b]),
             self._sigma_scale * np.array([claim.candidate.sigma_m for claim in claims]),
             np.array([later.path_m - earlier.path_m for earlier, later in zip(a, b, strict=True)]),
-            np.array([min(1.0, claim.gap_m / self._wifi.beside_m) for claim in claims]),
+            np.array([min(1.0, claim.gap_m / self._wifi.neighbouring_m) for claim in claims]),
         )
 
     def _motions(self) -> Floats:

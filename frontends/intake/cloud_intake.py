@@ -11,7 +11,7 @@ from wayfi.frontends.cloud.height_band import Mount, band_points, cut, level_mou
 from wayfi.frontends.lidar.laser_points import walls_seen
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import PointCloud, StaticTransform
-from wayfi.frontends.odometry.driven_path import PathPoint, Wheels
+from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
 MOMENTS = 11  # of a sweep at which the wheels are asked where the base was
@@ -42,13 +42,13 @@ class CloudIntake:
         """(n, 3) points of a cloud's height band in base_link, m, and their times (n,) after its stamp, s."""
         return band_points(cloud, self._mount(cloud.frame_id), self._config.max_range_m, self._config.cloud)
 
-    def cut(self, point: PathPoint, cloud: PointCloud, wheels: Wheels) -> CutCloud | None:
+    def cut(self, point: PathPoint, cloud: PointCloud, path: DrivenPath) -> CutCloud | None:
         """The scan of a cloud whose stamp is at `point`; None if nothing returned from its height band."""
         band, time_s = self.band(cloud)
         if len(band) == 0:
             return None
         moments_s = np.linspace(time_s.min(), time_s.max(), MOMENTS)
-        motion = _motion(point, moments_s, wheels)
+        motion = _motion(point, moments_s, path)
         if motion is not None:
             band = undo_motion(band, time_s, moments_s, motion)
         sensor = self._mount(cloud.frame_id).planar
@@ -75,10 +75,10 @@ def any_return(cloud: PointCloud) -> bool:
     return bool(np.isfinite(cloud.points).all(axis=1).any())
 
 
-def _motion(point: PathPoint, moments_s: Floats, wheels: Wheels) -> Floats | None:
+def _motion(point: PathPoint, moments_s: Floats, path: DrivenPath) -> Floats | None:
     """(m, 3) T_base(point)_base(moment) by the wheels; None where they are not kept, or where no time passes."""
     if moments_s[0] == moments_s[-1]:
         return None
-    places = [wheels.at(point.stamp_ns + round(s * 1e9)) for s in moments_s.tolist()]
+    places = [path.at(point.stamp_ns + round(s * 1e9)) for s in moments_s.tolist()]
     poses = [place.T_path_base.array() for place in places if place is not None]
     return between_all(point.T_path_base.array(), np.array(poses)) if len(poses) == len(places) else None

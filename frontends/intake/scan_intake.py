@@ -14,7 +14,7 @@ from wayfi.frontends.intake.cloud_intake import CloudIntake, any_return, turn_ns
 from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, returns, to_base, walls_seen
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms
-from wayfi.frontends.odometry.driven_path import PathPoint, Wheels
+from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
 GAP_NS = 1_000_000_000
@@ -102,13 +102,13 @@ class ScanIntake:
         """From the oldest scan that waits to the newest; a gap between two of them counts for a second at most."""
         return sum(min(after[0] - before[0], GAP_NS) for before, after in pairwise(self._waiting))
 
-    def ready(self, wheels: Wheels) -> list[tuple[PathPoint | None, Sweep]]:
+    def ready(self, path: DrivenPath) -> list[tuple[PathPoint | None, Sweep]]:
         """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""
         out: list[tuple[PathPoint | None, Sweep]] = []
-        latest = wheels.latest
+        latest = path.latest
         while latest and self._waiting and self._waiting[0][0] + sweep_ns(self._waiting[0][1]) <= latest.stamp_ns:
             stamp_ns, scan = self._pop()
-            out.append((wheels.at(stamp_ns), scan))
+            out.append((path.at(stamp_ns), scan))
         return out
 
     def points(self, scan: LaserScan) -> Floats:
@@ -116,16 +116,16 @@ class ScanIntake:
         mount, upside_down = self._mount(scan.frame_id)
         return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
 
-    def place(self, point: PathPoint, scan: Sweep, wheels: Wheels) -> PlacedScan | None:
+    def place(self, point: PathPoint, scan: Sweep, path: DrivenPath) -> PlacedScan | None:
         """The scan's points in base_link at `point`; None if no beam returned."""
         if isinstance(scan, PointCloud):
-            cut = self.clouds.cut(point, scan, wheels)
+            cut = self.clouds.cut(point, scan, path)
             return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
         beams, points = beam_points(scan, self._config.max_range_m)
         if len(points) == 0:
             return None
         mount, upside_down = self._mount(scan.frame_id)
-        points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, wheels))
+        points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, path))
         seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
         return PlacedScan(point, seen, points.astype(np.float32))
 
@@ -163,10 +163,10 @@ def sweep_ns(scan: Sweep) -> int:
     return int(seconds * 1e9) if 0 < seconds < 2.0 else 0
 
 
-def _sweep_motion(point: PathPoint, scan: LaserScan, beams: NDArray[np.int64], wheels: Wheels) -> Floats | None:
+def _sweep_motion(point: PathPoint, scan: LaserScan, beams: NDArray[np.int64], path: DrivenPath) -> Floats | None:
     """(n, 3) motion of the base from the scan's stamp to each beam; None for a sweep that takes no time."""
     duration = sweep_ns(scan)
-    end = wheels.at(point.stamp_ns + duration)
+    end = path.at(point.stamp_ns + duration)
     if duration == 0 or end is None:
         return None
     motion = point.T_path_base.between(end.T_path_base).array()

@@ -8,9 +8,9 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan
-from wayfi.frontends.odometry.driven_path import PathPoint, Wheels
+from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.wifi.fingerprints import Readings, usable_readings
-from wayfi.frontends.wifi.wifi_by_place import PlacedReadings, WifiByPlace
+from wayfi.frontends.wifi.readings_by_place import PlacedReadings, ReadingsByPlace
 from wayfi.frontends.wifi.wifi_watch import WifiWatch
 
 EARLY_NS = 5 * SECOND_NS  # before the first pose, a scan waits so long for it
@@ -31,7 +31,7 @@ class WifiIntake:
 
     def __init__(self) -> None:
         self._watch = WifiWatch()
-        self._by_place = WifiByPlace()
+        self._by_place = ReadingsByPlace()
         self._last_ns: dict[str, int] = {}
         self._not_compared: list[_Scan] = []
         self._waiting: list[_Scan] = []
@@ -66,16 +66,16 @@ class WifiIntake:
         for scan in came_since:
             yield from self._compare(scan, max(0, scan.stamp_ns - odometry_ns))
 
-    def ready(self, wheels: Wheels) -> Iterator[PlacedReadings | Event]:
+    def ready(self, path: DrivenPath) -> Iterator[PlacedReadings | Event]:
         """What was heard at places that the odometry has passed; and what is dropped."""
-        latest = wheels.latest
+        latest = path.latest
         if latest is None:
             return
         self._first = self._first or latest
         covered = [scan for scan in self._waiting if scan.stamp_ns <= latest.stamp_ns]
         self._waiting = [scan for scan in self._waiting if scan.stamp_ns > latest.stamp_ns]
         for scan in covered:
-            yield from self._put_in_place(scan, wheels)
+            yield from self._put_in_place(scan, path)
         yield from self._by_place.ready(latest.stamp_ns)
 
     def finish(self) -> Iterator[PlacedReadings | Event]:
@@ -106,8 +106,8 @@ class WifiIntake:
         if len(self._not_compared) > MOST_WAITING:
             yield Dropped(Sensor.WIFI, self._not_compared.pop(0).stamp_ns, DropReason.TOO_MANY_WAIT)
 
-    def _put_in_place(self, scan: _Scan, wheels: Wheels) -> Iterator[Event]:
-        point, taken_m = self._at(scan.stamp_ns, wheels), self._taken_m(scan, wheels)
+    def _put_in_place(self, scan: _Scan, path: DrivenPath) -> Iterator[Event]:
+        point, taken_m = self._at(scan.stamp_ns, path), self._taken_m(scan, path)
         unplaced = int(np.isnan(taken_m).sum())
         if point is None:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)
@@ -116,16 +116,16 @@ class WifiIntake:
         if (yield from self._watch.hear(scan.stamp_ns, scan.receiver, scan.readings, taken_m)):
             self._by_place.add(scan.receiver, point, scan.readings, taken_m)
 
-    def _taken_m(self, scan: _Scan, wheels: Wheels) -> Floats:
+    def _taken_m(self, scan: _Scan, path: DrivenPath) -> Floats:
         """(n,) where on the path each reading was taken, NaN where that is no longer kept."""
         age_s, back = np.unique(scan.readings.age_s, return_inverse=True)
-        points = [self._at(scan.stamp_ns - int(float(age) * SECOND_NS), wheels) for age in age_s]
+        points = [self._at(scan.stamp_ns - int(float(age) * SECOND_NS), path) for age in age_s]
         taken_m: Floats = np.array([point.path_m if point else np.nan for point in points])[back]
         return taken_m
 
-    def _at(self, taken_ns: int, wheels: Wheels) -> PathPoint | None:
+    def _at(self, taken_ns: int, path: DrivenPath) -> PathPoint | None:
         """The path at a moment; what was taken shortly before the first pose was taken there."""
         first = self._first
         if first and taken_ns < first.stamp_ns <= taken_ns + EARLY_NS:
             return first
-        return wheels.at(taken_ns)
+        return path.at(taken_ns)

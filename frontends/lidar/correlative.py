@@ -44,7 +44,7 @@ class LikelihoodField:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Window:
+class SearchWindow:
     """The poses to examine: within `xy_m` and `theta_rad` of the guess, and within `chi2` of it by `information`.
 
     The information (3, 3) is about (x, y, theta) in the axes of the submap; zeros leave the whole box.
@@ -56,7 +56,9 @@ class Window:
     chi2: float
 
     @classmethod
-    def of(cls, covariance: Floats, chi2: float, least: tuple[float, float], most: tuple[float, float]) -> "Window":
+    def of(
+        cls, covariance: Floats, chi2: float, least: tuple[float, float], most: tuple[float, float]
+    ) -> "SearchWindow":
         """The ellipse of `chi2` of a (3, 3) covariance, in a box between `least` and `most` (m, rad)."""
         sigma_m, sigma_rad = math.sqrt(max(covariance[0, 0], covariance[1, 1])), math.sqrt(covariance[2, 2])
         reach = math.sqrt(chi2)
@@ -87,7 +89,9 @@ def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
     return LikelihoodField(fine, _pool(fine), low, config.cell_m)
 
 
-def search(points: Floats, field: LikelihoodField, guess: Pose2, window: Window, config: CorrelativeConfig) -> Peak:
+def search(
+    points: Floats, field: LikelihoodField, guess: Pose2, window: SearchWindow, config: CorrelativeConfig
+) -> Peak:
     """The T_submap_scan in the `window` around `guess` that `points` (n, 2) fit best."""
     subset = points[:: max(1, len(points) // config.points)]
     half_angles = math.ceil(window.theta_rad / config.angle_step)

@@ -9,7 +9,7 @@ from collections import deque
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, wrap
-from wayfi.frontends.odometry.driven_path import Wheels
+from wayfi.frontends.odometry.driven_path import DrivenPath
 
 SECOND_NS = 1_000_000_000
 REACH_S = 3.0
@@ -37,11 +37,11 @@ class LaserClock:
         if abs(turned_rad) >= TURN_RAD:
             self._waiting.append((from_ns, to_ns, turned_rad))
 
-    def offset_s(self, wheels: Wheels) -> float | None:
+    def offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps; None while nothing speaks against them."""
-        latest = wheels.latest
+        latest = path.latest
         while latest and self._waiting and self._waiting[0][1] + REACH_S * SECOND_NS <= latest.stamp_ns:
-            self._compare(*self._waiting.popleft(), wheels)
+            self._compare(*self._waiting.popleft(), path)
         if len(self._squares) < LEAST:
             return None
         mean = np.mean(self._squares, axis=0)
@@ -52,11 +52,11 @@ class LaserClock:
             return None
         return float(OFFSETS_S[best] + _vertex(*mean[best - 1 : best + 2]) * STEP_S)
 
-    def _compare(self, from_ns: int, to_ns: int, turned_rad: float, wheels: Wheels) -> None:
+    def _compare(self, from_ns: int, to_ns: int, turned_rad: float, path: DrivenPath) -> None:
         turns = []
         for offset_s in OFFSETS_S:
             shift_ns = round(float(offset_s) * SECOND_NS)
-            begin, end = wheels.at(from_ns + shift_ns), wheels.at(to_ns + shift_ns)
+            begin, end = path.at(from_ns + shift_ns), path.at(to_ns + shift_ns)
             if begin is None or end is None:
                 return
             turns.append(wrap(end.T_path_base.theta - begin.T_path_base.theta))

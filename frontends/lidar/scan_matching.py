@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.lidar.correlative import Window, build_field, search
+from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.laser_points import place_all
 from wayfi.frontends.lidar.lidar_config import LidarConfig
@@ -98,6 +98,6 @@ def seen_directions(information: Floats, degenerate_below: float) -> Floats:
 def _search_and_match(
     scan: ScanPoints, submap: PointIndex, guess: Pose2, covariance: Floats, config: LidarConfig
 ) -> IcpResult:
-    window = Window.of(covariance, SEARCHED_CHI2, LEAST_WINDOW, MOST_WINDOW)
+    window = SearchWindow.of(covariance, SEARCHED_CHI2, LEAST_WINDOW, MOST_WINDOW)
     peak = search(scan.points, build_field(submap.points, config.correlative), guess, window, config.correlative)
     return icp(scan, submap, peak.pose, np.zeros((3, 3)), config.icp)

@@ -24,29 +24,29 @@ class Tracked:
 class ScanTracker:
     """Matches each keyframe's scan to a submap of the ones before it.
 
-    `inflation` (>= 1) is by how much the wheels' covariance must grow to agree with the laser.
+    `covariance_scale` (>= 1) is by how much the wheels' covariance must grow to agree with the laser.
     """
 
     def __init__(self, keyframes: Keyframes, lidar: LidarConfig, odometry: OdometryConfig) -> None:
         self._keyframes = keyframes
         self._lidar, self._odometry, self._trust = lidar, odometry, lidar.trust
-        self.inflation = 1.0
+        self.covariance_scale = 1.0
         self._matched = False
 
     def wheel_covariance(self, motion: WheelMotion) -> Floats:
         """(3, 3) covariance of a wheel motion, as the laser has found the wheels to be."""
-        return wheel_covariance(motion, self._odometry, self.inflation)
+        return wheel_covariance(motion, self._odometry, self.covariance_scale)
 
     def match(self, scan: ScanPoints, motion: WheelMotion, guess: Pose2, poses: Floats) -> Tracked | None:
         """Match the scan of the keyframe `guess` away from the last of `poses` (n, 3); None without a submap."""
         if not self._matched:
-            self._matched, self.inflation = True, self._trust.initial
+            self._matched, self.covariance_scale = True, self._trust.initial
         n = len(poses)
         scans, placed, _ = self._keyframes.scans_around(n - self._lidar.submap_keyframes, n, poses[-1], poses)
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None
-        search_below = 1.1 if self.inflation > self._trust.search_above else self._lidar.search_below
+        search_below = 1.1 if self.covariance_scale > self._trust.search_above else self._lidar.search_below
         match = match_scan(scan, submap, guess, self.wheel_covariance(motion), search_below, self._lidar)
         if match.inlier_ratio >= self._lidar.min_inlier_ratio:
             self.learn(motion, guess, match)
@@ -58,4 +58,4 @@ class ScanTracker:
         e = np.array([T.x - guess.x, T.y - guess.y, wrap(T.theta - guess.theta)])
         expected = wheel_covariance(motion, self._odometry) + match.covariance
         seen = min(float(e @ np.linalg.solve(expected, e)) / 3, self._trust.most)
-        self.inflation = max(1.0, self._trust.memory * self.inflation + (1 - self._trust.memory) * seen)
+        self.covariance_scale = max(1.0, self._trust.memory * self.covariance_scale + (1 - self._trust.memory) * seen)

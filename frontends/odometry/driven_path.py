@@ -13,7 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import DropReason
 
 RESTART_M = 0.5  # from its origin, odometry has just begun
-BREAK_COVARIANCE = np.diag([1.0, 1.0, 0.25])  # m², m², rad²: of a robot that was pushed aside while it was off
+DISCONTINUITY_COVARIANCE = np.diag([1.0, 1.0, 0.25])  # m², m², rad²: of a robot that was pushed aside while it was off
 FURTHEST_M = 1e8  # from the origin of the odometry: beyond it a number is no place, and millimetres are lost
 LONGEST_S = 3600.0  # between two keyframes; a longer gap is a clock's, and would count as years of a gyroscope's bias
 
@@ -63,22 +63,22 @@ def fault_of(T_odom_base: Pose2) -> DropReason | None:
 class PathPoint:
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
-    `breaks` counts where the odometry was found to have begun anew while nobody looked.
+    `discontinuities` counts where the odometry was found to have begun anew while nobody looked.
     """
 
     stamp_ns: int
     T_path_base: Pose2
     path_m: float
-    breaks: int = 0
+    discontinuities: int = 0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """What the wheels say of the way from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
-        return WheelMotion(pose, path_m, seconds, later.breaks - self.breaks)
+        return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
 
 
-class Wheels:
+class DrivenPath:
     """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion."""
 
     def __init__(self, config: OdometryConfig, keep_s: float = 30.0) -> None:
@@ -101,9 +101,9 @@ class Wheels:
         """Some odometry may be missing before the next: it may have begun anew, with the robot moved meanwhile."""
         self._was_away = True
 
-    def tip(self) -> "Wheels":
+    def tip(self) -> "DrivenPath":
         """A copy that knows the newest point alone."""
-        copy = Wheels(self._config)
+        copy = DrivenPath(self._config)
         copy._points.extend(list(self._points)[-1:])
         copy._raw, copy._was_away = self._raw, self._was_away
         return copy
@@ -111,7 +111,7 @@ class Wheels:
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
         last = self.latest
-        plausible, breaks = True, last.breaks if last else 0
+        plausible, discontinuities = True, last.discontinuities if last else 0
         if last is None:
             point = PathPoint(stamp_ns, T_odom_base, 0.0)
         else:
@@ -121,8 +121,8 @@ class Wheels:
             restarted = self._was_away and self._has_restarted(T_odom_base)
             if restarted or not distance <= max(0.5, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
-                breaks += self._was_away
-            point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, breaks)
+                discontinuities += self._was_away
+            point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
         while self._points[0].stamp_ns < stamp_ns - self._keep_ns and len(self._points) > 2:
@@ -148,7 +148,7 @@ class Wheels:
         fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
-        return PathPoint(stamp_ns, pose, path_m, before.breaks)
+        return PathPoint(stamp_ns, pose, path_m, before.discontinuities)
 
     def since(self, stamp_ns: int) -> list[PathPoint]:
         """The points after a moment, oldest first."""
@@ -158,7 +158,7 @@ class Wheels:
 
 def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:
     """Whether `motion` since the last keyframe asks for a new one; `factor` stretches the distances."""
-    if motion.breaks:
+    if motion.discontinuities:
         return True
     turned = abs(motion.pose.theta)
     if motion.path_m >= factor * config.keyframe_distance_m or turned >= factor * config.keyframe_turn_rad:
@@ -167,8 +167,8 @@ def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.
     return moved and motion.seconds >= factor * config.keyframe_seconds
 
 
-def wheel_covariance(motion: WheelMotion, config: OdometryConfig, inflation: float = 1.0) -> Floats:
-    """(3, 3) covariance of the random part of `motion` in (x, y, theta); `inflation` multiplies it.
+def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_scale: float = 1.0) -> Floats:
+    """(3, 3) covariance of the random part of `motion` in (x, y, theta); `covariance_scale` multiplies it.
 
     A heading error e that builds up along the way leaves e / 2 of the length to the side: hence the y, theta terms.
     """
@@ -181,6 +181,6 @@ def wheel_covariance(motion: WheelMotion, config: OdometryConfig, inflation: flo
     )
     x, y = motion.pose.x, motion.pose.y
     lever = np.array([-0.5 * y, 0.5 * x, 1.0])
-    covariance: Floats = inflation * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
-    covariance += np.diag([0.0, 0.0, 1e-8]) + motion.breaks * BREAK_COVARIANCE
+    covariance: Floats = covariance_scale * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
+    covariance += np.diag([0.0, 0.0, 1e-8]) + motion.discontinuities * DISCONTINUITY_COVARIANCE
     return covariance

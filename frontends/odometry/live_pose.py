@@ -12,9 +12,9 @@ from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.frontends.odometry.driven_path import (
+    DrivenPath,
     OdometryConfig,
     PathPoint,
-    Wheels,
     calibration_prior,
     fault_of,
     wheel_covariance,
@@ -28,14 +28,15 @@ ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])
 class Anchor:
     """What poses between two keyframes hang on: the newest keyframe, and what is believed of the wheels from there.
 
-    `covariance` (3, 3) is the keyframe's in (x, y, theta) of `map`; `calibration` (4,) and `inflation` are the wheels'.
+    `covariance` (3, 3) is the keyframe's in (x, y, theta) of `map`; `calibration` (4,) is the wheels', and so is
+    `covariance_scale`, a factor on the covariance of their noise.
     """
 
     point: PathPoint
     T_map_base: Pose2
     covariance: Floats
     calibration: Floats
-    inflation: float
+    covariance_scale: float
     state: State
 
     def pose_at(self, point: PathPoint, T_odom_base: Pose2, config: OdometryConfig) -> PosePublished:
@@ -45,9 +46,9 @@ class Anchor:
         dx, dy = T.x - self.T_map_base.x, T.y - self.T_map_base.y
         lever = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         turn = adjoint(Pose2(0.0, 0.0, self.T_map_base.theta))
-        wheels = wheel_covariance(motion, config, self.inflation)
+        wheels = wheel_covariance(motion, config, self.covariance_scale)
         covariance = lever @ self.covariance @ lever.T + turn @ wheels @ turn.T
-        unsure = motion.breaks and self.state is State.TRACKING
+        unsure = motion.discontinuities and self.state is State.TRACKING
         state = State.UNCERTAIN if unsure else self.state
         return PosePublished(point.stamp_ns, T, T @ T_odom_base.inverse(), T_odom_base, covariance, state)
 
@@ -62,7 +63,7 @@ class Estimate:
     serial: int
     odometry: int
     time: TimeBase
-    wheels: Wheels
+    wheels: DrivenPath
     anchor: Anchor | None
 
 
@@ -77,7 +78,7 @@ class LivePose:
         self._calibration = (calibration or calibration_prior(config)).values
         self._begun = False
         self._since: deque[Odometry] = deque()
-        self._estimate = Estimate(0, 0, TimeBase(), Wheels(config), None)
+        self._estimate = Estimate(0, 0, TimeBase(), DrivenPath(config), None)
 
     @classmethod
     def resumed(cls, config: OdometryConfig, calibration: WheelCalibration | None, estimate: Estimate) -> Self:

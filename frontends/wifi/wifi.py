@@ -40,7 +40,9 @@ class WifiConfig:
     near_m: float = option(3.0, "m", "places nearer than this count as one: closures are to be good to this")
     min_near: float = option(0.6, "", "how likely they must be that near, by the robot's own path")
     candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
-    beside_m: float = option(4.0, "m", "of path each way from the later place, none more like the earlier than it is")
+    neighbouring_m: float = option(
+        4.0, "m", "of path each way from the later place, none more like the earlier than it is"
+    )
     independent_m: float = option(10.0, "m", "shadowing is alike over this length: so much path counts as one fix")
 
 
@@ -92,7 +94,7 @@ class _PlacedScan:
     readings: Readings
 
 
-class Wifi:
+class WifiFrontend:
     """Fingerprints as they come, and the loop candidates that they propose."""
 
     def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset]) -> None:
@@ -163,7 +165,7 @@ class Wifi:
         """The held candidates whose surroundings are known by now (`at_end`: as well as they ever will be)."""
         driven_m = math.inf if at_end else self.fingerprints[-1].path_m
         released = []
-        while self._held and driven_m - self._held[0].b.path_m >= self._config.beside_m:
+        while self._held and driven_m - self._held[0].b.path_m >= self._config.neighbouring_m:
             candidate = self._held.popleft()
             released.append(replace(candidate, mutual=self._is_mutual(candidate)))
         return released
@@ -217,7 +219,7 @@ class Wifi:
 
     def _is_mutual(self, candidate: WifiCandidate) -> bool:
         """Whether a sounds no more like any place beside b than like b."""
-        beside = self._beside(candidate.b.number, self._config.beside_m)
+        beside = self._beside(candidate.b.number, self._config.neighbouring_m)
         *like_beside, like_b = self._similarities(candidate.a, [*beside, candidate.b])
         return bool((np.array(like_beside) <= like_b).all())
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import Between, Factor, Near
+from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
 from wayfi.backend.graph.gtsam_factors import in_b
 from wayfi.backend.pose2 import Floats, Pose2, meeting
 from wayfi.recordings.files.atomic_files import write_text
@@ -26,10 +26,10 @@ def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration:
 
 
 def _edge(factor: Factor, poses: Floats, calibration: Floats) -> str:
-    if isinstance(factor, Near):
+    if isinstance(factor, NearFactor):
         T, information = _near(factor, poses)
     else:
-        T = factor.T_a_b if isinstance(factor, Between) else factor.motion.corrected(calibration)
+        T = factor.T_a_b if isinstance(factor, BetweenFactor) else factor.motion.corrected(calibration)
         information = _information(T, factor.covariance)
     upper = information[np.triu_indices(3)]
     return f"EDGE_SE2 {factor.a} {factor.b} {_numbers(T.array())} {_numbers(upper)}"
@@ -39,7 +39,7 @@ def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
     return np.asarray(np.linalg.inv(in_b(covariance, T_a_b.theta)), np.float64)
 
 
-def _near(factor: Near, poses: Floats) -> tuple[Pose2, Floats]:
+def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:
     """Two places that are one, turned as the poses are: of rank 2, which leaves turning about them open."""
     turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
     moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])

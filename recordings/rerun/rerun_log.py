@@ -24,16 +24,16 @@ from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.rerun.blueprint import blueprint
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.stream import Stream, mirror
-from wayfi.recordings.rerun.views.backend import Backend
-from wayfi.recordings.rerun.views.check import Check
-from wayfi.recordings.rerun.views.closures import Closures
-from wayfi.recordings.rerun.views.grid import Grid
+from wayfi.recordings.rerun.views.backend import BackendView
+from wayfi.recordings.rerun.views.check import CheckView
+from wayfi.recordings.rerun.views.closures import ClosuresView
+from wayfi.recordings.rerun.views.grid import GridView
 from wayfi.recordings.rerun.views.poses import Poses
-from wayfi.recordings.rerun.views.robot import Robot
-from wayfi.recordings.rerun.views.scans import Scans
-from wayfi.recordings.rerun.views.submaps import Submaps
+from wayfi.recordings.rerun.views.robot import RobotView
+from wayfi.recordings.rerun.views.scans import ScansView
+from wayfi.recordings.rerun.views.submaps import SubmapsView
 from wayfi.recordings.rerun.views.text import TextLog
-from wayfi.recordings.rerun.views.wifi import Wifi
+from wayfi.recordings.rerun.views.wifi import WifiView
 
 
 def open_log(config: RerunConfig, path: Path | None, serve: bool = False, recording_id: str = "wayfi") -> Log:
@@ -58,8 +58,8 @@ class RerunLog:
         stream.style("/map", mirror())
         self._poses = Poses()
         self._text = TextLog(stream)
-        self._grid = Grid(stream, config)
-        self._backend = Backend(stream, config)
+        self._grid = GridView(stream, config)
+        self._backend = BackendView(stream, config)
         self._shown_by = self._views(config)
 
     def log(self, event: Event) -> None:
@@ -81,9 +81,9 @@ class RerunLog:
     def _views(self, config: RerunConfig) -> dict[type, tuple[Callable[[Any], None], ...]]:
         """Who shows which event, in this order."""
         stream, poses, text, backend = self._stream, self._poses, self._text, self._backend
-        robot, scans, check = Robot(stream, config), Scans(stream, config), Check(stream, config)
-        submaps, closures = Submaps(stream, config, poses), Closures(stream, config, poses)
-        wifi = Wifi(stream, config, poses)
+        robot, scans, check = RobotView(stream, config), ScansView(stream, config), CheckView(stream, config)
+        submaps, closures = SubmapsView(stream, config, poses), ClosuresView(stream, config, poses)
+        wifi = WifiView(stream, config, poses)
         return {
             PosePublished: (robot.on_pose, backend.on_pose),
             KeyframeAdded: (submaps.on_keyframe, robot.on_keyframe, scans.on_keyframe, check.on_keyframe),

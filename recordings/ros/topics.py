@@ -7,7 +7,7 @@ from enum import StrEnum
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor_of_type
 
-MARKS_TOPIC = "/wayfi/marks"  # of a daemon's black box: what it did between two messages
+CONTROL_TOPIC = "/wayfi/marks"  # of a daemon's black box: what it did between two messages
 
 
 class Encoding(StrEnum):
@@ -37,7 +37,7 @@ def _unused(why: str) -> Route:
 
 def route(topic: str, type_name: str, encoding: str, topics: Mapping[Sensor, str]) -> Route:
     """The route of a channel (`topic`, `type_name`, `encoding`), given the `topics` configured for the sensors."""
-    if topic == MARKS_TOPIC:
+    if topic == CONTROL_TOPIC:
         return _unused("feeds no sensor: a replay does what the daemon did between two messages")
     sensor = next((sensor for sensor, name in topics.items() if name == topic), None)
     if sensor is None:

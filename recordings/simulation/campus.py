@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.laser import LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, polygon, still
@@ -63,7 +63,7 @@ RADIO = RadioPlan(
 )
 
 
-def surfaces(drive: Drive, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
+def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
     """The walls of the corridors: one around everything, and one around each block between them."""
     (w, _, e), (s, _, n) = COLUMNS_M, ROWS_M
     to_w, to_e = COLUMN_HALF_WIDTHS_M[0], COLUMN_HALF_WIDTHS_M[-1]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, box, join, moving, placed, polygon, still
 
@@ -40,7 +40,7 @@ RADIO = RadioPlan(
 )
 
 
-def surfaces(drive: Drive, rng: np.random.Generator) -> Surfaces:
+def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:
     """Everything the laser can see during `drive`."""
     shell = still(np.vstack([box(X_MIN_M, Y_MIN_M, X_MAX_M, Y_MAX_M), *_pillars()]))
     return join([shell, *_parked_cars(drive.duration_s, rng), *_passing_cars(drive, rng)])
@@ -89,7 +89,7 @@ def _parked_pose(x: float, row_m: float, rng: np.random.Generator) -> Pose2:
     return Pose2(x + rng.uniform(-0.1, 0.1), row_m + rng.uniform(-0.05, 0.05), theta)
 
 
-def _passing_cars(drive: Drive, rng: np.random.Generator) -> list[Surfaces]:
+def _passing_cars(drive: TrueMotion, rng: np.random.Generator) -> list[Surfaces]:
     """Cars that drive along a lane, on the right, where that does not run the robot over."""
     return [
         car for car in (_passing_car(drive.duration_s, rng) for _ in range(PASSING_CARS)) if _keeps_clear(car, drive)
@@ -104,7 +104,7 @@ def _passing_car(duration_s: float, rng: np.random.Generator) -> Surfaces:
     return moving(shape, since_s, since_s + abs(end_x - start_x) / speed, (direction * speed, 0.0))
 
 
-def _keeps_clear(car: Surfaces, drive: Drive) -> bool:
+def _keeps_clear(car: Surfaces, drive: TrueMotion) -> bool:
     """Whether the robot stays `CLEARANCE_M` away from the car's outline as long as the car drives."""
     time_s = np.arange(car.since_s[0], car.until_s[0], 0.1)
     shift = car.velocity_xy[0] * (time_s - car.since_s[0])[:, None]

@@ -35,7 +35,7 @@ class RoutePlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+class TrueMotion:
     """The true motion: `distance_m` (n,) done at `time_s` (n,), and the `path` (k, 3), x, y, theta at `path_m` (k,).
 
     theta is unwrapped.
@@ -65,7 +65,7 @@ class Drive:
         return float(self.time_s[-1])
 
 
-def drive(plan: RoutePlan, rng: np.random.Generator) -> Drive:
+def drive(plan: RoutePlan, rng: np.random.Generator) -> TrueMotion:
     """Drives `plan`; the stops are where `rng` has them, and long enough to end at the planned duration."""
     path_m, path = _rounded(plan, rng)
     stops = _stops(len(path_m), plan.length_m, rng)
@@ -122,7 +122,9 @@ def _times(speeds: Floats) -> Floats:
     return np.asarray(np.r_[0.0, np.cumsum(2 * STEP_M / (speeds[1:] + speeds[:-1]))])
 
 
-def _with_pauses(path_m: Floats, path: Floats, moving_s: Floats, stops: NDArray[np.int64], pauses: Floats) -> Drive:
+def _with_pauses(
+    path_m: Floats, path: Floats, moving_s: Floats, stops: NDArray[np.int64], pauses: Floats
+) -> TrueMotion:
     """The drive that waits `pauses` seconds at the path's indices `stops`."""
     waited = np.zeros(len(path_m))
     waited[stops] = pauses
@@ -130,4 +132,4 @@ def _with_pauses(path_m: Floats, path: Floats, moving_s: Floats, stops: NDArray[
     time_s = np.concatenate([leaving - waited, leaving[stops]])
     distance_m = np.concatenate([path_m, path_m[stops]])
     order = np.lexsort((distance_m, time_s))
-    return Drive(time_s[order], distance_m[order], path_m, path)
+    return TrueMotion(time_s[order], distance_m[order], path_m, path)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, polygon, still
 
@@ -29,7 +29,7 @@ ROUTE = RoutePlan(_corners(), length_m=720.0, duration_s=1730.0, wiggle_m=0.15)
 RADIO = RadioPlan(inside=(-12.0, -2.0, 52.0, 42.0), inside_sites=9, margin_m=8.0, outside_sites=44, hotspots=6)
 
 
-def surfaces(drive: Drive, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
+def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
     """The corridors' walls; the same on every drive."""
     h = HALF_WIDTH_M
     outside = _walls(WEST_M - h, SOUTH_M - h, EAST_M + h, NORTH_M + h, DOOR_DEPTH_M)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.recordings.simulation.drive import Drive
+from wayfi.recordings.simulation.drive import TrueMotion
 from wayfi.recordings.simulation.surfaces import Surfaces, join, moving, polygon, still
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ class Walk:
     xy: Floats
 
 
-def people(drive: Drive, aisle_m: float, rng: np.random.Generator) -> Surfaces:
+def people(drive: TrueMotion, aisle_m: float, rng: np.random.Generator) -> Surfaces:
     """The legs of everybody who comes near the robot, none of them nearer than `CLEARANCE_M` to base_link.
 
     There is room for them up to `aisle_m` to each side of the robot's path.
@@ -37,7 +37,7 @@ def people(drive: Drive, aisle_m: float, rng: np.random.Generator) -> Surfaces:
     return join([still(np.empty((0, 4))), *(legs for legs in drawn if _keeps_clear(legs, drive))])
 
 
-def _keeps_clear(legs: Surfaces, drive: Drive) -> bool:
+def _keeps_clear(legs: Surfaces, drive: TrueMotion) -> bool:
     """Whether the robot stays `CLEARANCE_M` away from all corners of `legs` at the ends and the middle of each move."""
     for share in (0.0, 0.5, 1.0):
         elapsed = share * (legs.until_s - legs.since_s)
@@ -48,14 +48,14 @@ def _keeps_clear(legs: Surfaces, drive: Drive) -> bool:
     return True
 
 
-def _drawn(drive: Drive, aisle_m: float, rng: np.random.Generator) -> Walk:
+def _drawn(drive: TrueMotion, aisle_m: float, rng: np.random.Generator) -> Walk:
     """A walk of one of the three kinds."""
     since_s = rng.uniform(0.0, drive.duration_s)
     kind = (_passer, _companion, _crosser)[rng.choice(3, p=[0.5, 0.25, 0.25])]
     return kind(drive, since_s + np.arange(0.0, rng.uniform(*WALK_S), STEP_S), aisle_m, rng)
 
 
-def _passer(drive: Drive, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
+def _passer(drive: TrueMotion, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
     """Along the robot's path, beside it, one way or the other."""
     velocity = rng.choice([-1.0, 1.0]) * rng.uniform(*SPEED_M_S)
     met_s, side = rng.choice(time_s), rng.choice([-1.0, 1.0]) * rng.uniform(0.85, 1.0) * aisle_m
@@ -63,14 +63,14 @@ def _passer(drive: Drive, time_s: Floats, aisle_m: float, rng: np.random.Generat
     return Walk(time_s, _beside(drive, along, np.full(len(along), side)))
 
 
-def _companion(drive: Drive, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
+def _companion(drive: TrueMotion, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
     """Ahead of the robot or behind it, as fast as it."""
     ahead_m, side = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 3.0), rng.uniform(-0.5, 0.5) * aisle_m
     along = np.array([drive.gone_m(t) for t in time_s]) + ahead_m
     return Walk(time_s, _beside(drive, along, np.full(len(along), side)))
 
 
-def _crosser(drive: Drive, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
+def _crosser(drive: TrueMotion, time_s: Floats, aisle_m: float, rng: np.random.Generator) -> Walk:
     """From one side of the aisle to the other, near the robot; out of a door and into another, say."""
     along, way = drive.gone_m(time_s[0]) + rng.uniform(-6.0, 10.0), rng.choice([-1.0, 1.0])
     side = np.arange(-aisle_m, aisle_m, rng.uniform(*SPEED_M_S) * STEP_S)
@@ -78,7 +78,7 @@ def _crosser(drive: Drive, time_s: Floats, aisle_m: float, rng: np.random.Genera
     return Walk(time_s[:steps], _beside(drive, np.full(steps, along), way * side[:steps]))
 
 
-def _beside(drive: Drive, along_m: Floats, side_m: Floats) -> Floats:
+def _beside(drive: TrueMotion, along_m: Floats, side_m: Floats) -> Floats:
     """(k, 2) places at `along_m` (k,) of the robot's path, `side_m` (k,) to the left of it."""
     pose = drive.at(along_m)
     left = np.stack([-np.sin(pose[:, 2]), np.cos(pose[:, 2])], axis=1)

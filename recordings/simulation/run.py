@@ -22,7 +22,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.simulation import laser, radio, returns, wheels
-from wayfi.recordings.simulation.drive import Drive, drive
+from wayfi.recordings.simulation.drive import TrueMotion, drive
 from wayfi.recordings.simulation.people import people
 from wayfi.recordings.simulation.roughness import roughened
 from wayfi.recordings.simulation.surfaces import Surfaces, join
@@ -51,10 +51,10 @@ class Run:
     seed: int
     rough: bool
     length_ns: int
-    drive: Drive
+    drive: TrueMotion
     surfaces: Surfaces
     laser: laser.LaserSpec
-    wheels: wheels.Wheels
+    wheels: wheels.WheelErrors
     ether: radio.Ether
     phones: tuple[radio.Phone, ...]
     truth: Trajectory
@@ -80,7 +80,7 @@ def start(world: World, seed: int, minutes: float | None = None, rough: bool = T
     )
 
 
-def _surfaces(blueprint: Blueprint, way: Drive, seed: int, rough: bool) -> Surfaces:
+def _surfaces(blueprint: Blueprint, way: TrueMotion, seed: int, rough: bool) -> Surfaces:
     ideal = blueprint.surfaces(way, stream(seed, "surfaces"))
     if not rough:
         return ideal

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, box, still
 
@@ -39,7 +39,7 @@ ROUTE = RoutePlan(_corners(), length_m=800.0, duration_s=1920.0, wiggle_m=0.15)
 RADIO = RadioPlan(inside=(-3.0, -3.0, 42.0, 47.0), inside_sites=9, margin_m=15.0, outside_sites=80, hotspots=6)
 
 
-def surfaces(drive: Drive, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
+def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
     """Outer walls, racks on both sides of every aisle, and the pallets in them."""
     shell = box(-SPACING_M, SOUTH_M - 2.5, SPACING_M * (AISLES + 2), NORTH_M + 2.5)
     racks = [_rack(_aisle_x(side) + SPACING_M / 2, rng) for side in range(AISLES + 1)]

@@ -22,7 +22,7 @@ SPIN_EXCESS = (0.1, 0.3)
 
 
 @dataclass(frozen=True, slots=True)
-class Wheels:
+class WheelErrors:
     """The systematic errors: measured distance = scale * true; measured turn = scale * true + biases."""
 
     distance_scale: float
@@ -31,10 +31,10 @@ class Wheels:
     bias_rad_per_s: float
 
 
-def draw_wheels(rng: np.random.Generator) -> Wheels:
+def draw_wheels(rng: np.random.Generator) -> WheelErrors:
     """Wheels whose errors have random signs and sizes in a band, so that every drive ends about equally far off."""
     side = rng.choice([-1.0, 1.0], size=3)
-    return Wheels(
+    return WheelErrors(
         distance_scale=1.0 + side[0] * rng.uniform(0.005, 0.012),
         turn_scale=1.0 + side[1] * rng.uniform(0.003, 0.006),
         bias_rad_per_m=side[2] * math.radians(rng.uniform(0.12, 0.16)),
@@ -73,7 +73,7 @@ def draw_slips(truth: Floats, rng: np.random.Generator) -> Slips:
     return Slips(np.where(kicks, side * _between(KICK_RAD, luck[:, 2]), 0.0), scale)
 
 
-def odometry(truth: Floats, period_s: float, wheels: Wheels, slips: Slips, rng: np.random.Generator) -> Floats:
+def odometry(truth: Floats, period_s: float, wheels: WheelErrors, slips: Slips, rng: np.random.Generator) -> Floats:
     """(n, 3) T_odom_base that `wheels` report for the true poses `truth` (n, 3), `period_s` apart; starts at 0."""
     distance, turn = _motion(truth)
     noise = rng.standard_normal((len(turn), 2))

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from wayfi.recordings.simulation import campus, carpark, office, warehouse
-from wayfi.recordings.simulation.drive import Drive, RoutePlan
+from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.laser import UST_20LX, LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces
@@ -31,7 +31,7 @@ class Blueprint:
 
     route: RoutePlan
     radio: RadioPlan
-    surfaces: Callable[[Drive, np.random.Generator], Surfaces]
+    surfaces: Callable[[TrueMotion, np.random.Generator], Surfaces]
     aisle_m: float
     laser: LaserSpec = UST_20LX
 

@@ -11,10 +11,10 @@ from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
 from wayfi.recordings.mcap.recording import BLACKBOX_PROFILE, McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
-from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.disk import MIB
 from wayfi.service.config import Config, config_toml
-from wayfi.service.drive.marks import Mark
+from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.transport.queues import Received
 
 CONFIG = "config.toml"
@@ -41,11 +41,11 @@ class BlackBox(Closing):
             self._attached[CALIBRATION] = calibration_toml(calibration)
         self._begin()
 
-    def write(self, item: Received | Mark) -> None:
+    def write(self, item: Received | ControlRecord) -> None:
         """Add a message that is about to be fed, or what is about to be done between two of them."""
         self._unflushed = True
-        if isinstance(item, Mark):
-            self._writer.write(MARKS_TOPIC, "wayfi/Mark", "json", self._log_time_ns(time.monotonic()), item.to_json())
+        if isinstance(item, ControlRecord):
+            self._writer.write(CONTROL_TOPIC, "wayfi/Mark", "json", self._log_time_ns(time.monotonic()), item.to_json())
         else:
             topic, type_name = self._topics[item.sensor], TYPE_OF_SENSOR[item.sensor]
             log_time_ns = self._log_time_ns(item.received_s)

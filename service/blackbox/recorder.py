@@ -8,7 +8,7 @@ from wayfi.recordings.mcap.recording import RecordingError
 from wayfi.service.blackbox.blackbox import BlackBox
 from wayfi.service.blackbox.disk import free_mb, keep_budget
 from wayfi.service.config import RecordingConfig
-from wayfi.service.drive.marks import Mark
+from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.transport.queues import Received
 
 LOOK_S = 5.0
@@ -30,7 +30,7 @@ class Recorder:
         self.unrecorded = 0
         self._guard(self._open)
 
-    def write(self, item: Received | Mark) -> None:
+    def write(self, item: Received | ControlRecord) -> None:
         """Record a message or a mark; counted in `unrecorded` where that is impossible."""
         if self._blackbox is None:
             self._try_again()

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 from wayfi.frontends.measurements import Sensor
 from wayfi.service.daemon.estimator_messages import Request
-from wayfi.service.drive.marks import Mark
+from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.transport.queues import QUEUE_BYTES, QueueDrop, QueueLimit, Received
 
-Item = Received | Mark | Request
+Item = Received | ControlRecord | Request
 
 
 class Backlog:

@@ -5,7 +5,7 @@ from collections import deque
 from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.estimator_messages import Save, Saved
-from wayfi.service.drive.marks import Mark, MarkKind
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.commands import Command, Name
 
@@ -59,4 +59,4 @@ class CommandHandler:
         command.answer(True, "paused: what comes in is dropped" if paused else "running")
 
     def _record(self, command: Command) -> None:
-        self._backlog.put(Mark(MarkKind.COMMAND, text=command.name))
+        self._backlog.put(ControlRecord(ControlKind.COMMAND, text=command.name))

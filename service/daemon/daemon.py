@@ -16,12 +16,12 @@ from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.config import Config
 from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.command_handler import CommandHandler
+from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.daemon.estimation import Estimation
 from wayfi.service.daemon.estimator_messages import Finish, News, Ready, Report, Saved, Start, Written
 from wayfi.service.daemon.live_publisher import LivePublisher
-from wayfi.service.daemon.vital_signs import VitalSigns
-from wayfi.service.drive.marks import Mark, MarkKind
-from wayfi.service.drive.tally import Drops, merged
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.service_manager import ServiceManager
 from wayfi.service.process.stop_signal import StopSignal
@@ -56,7 +56,7 @@ class Daemon:
         limits = limits_of(config.zenoh)
         self._inbox = Queues(limits)
         self._backlog = Backlog(limits)
-        self._vitals = VitalSigns(self._topics, self._inbox, self._backlog)
+        self._diagnostics = Diagnostics(self._topics, self._inbox, self._backlog)
         self._dropped: Drops = {}
         self._dropped_said: set[tuple[str, str]] = set()
         self._ready = False
@@ -75,7 +75,7 @@ class Daemon:
             opened.callback(self._close_estimation)
             opened.callback(self._recorder.close)
             self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh))
-            self._live = LivePublisher(self._live_pose(), self._publishers, self._vitals)
+            self._live = LivePublisher(self._live_pose(), self._publishers, self._diagnostics)
             with ExitStack() as subscribed:
                 self._serve(subscribed, stop)
             if stop.requested:
@@ -138,7 +138,7 @@ class Daemon:
             self._take(received)
         elif not self._ready:
             self._inbox.wait(IDLE_S)
-        if self._vitals.due():
+        if self._diagnostics.due():
             self._tell_status()
 
     def _take(self, received: Received) -> None:
@@ -177,7 +177,7 @@ class Daemon:
     def _go_on(self, away_s: float) -> None:
         self._ready = False
         self._live.begin(self._live_pose())
-        self._backlog.put(Mark(MarkKind.AWAY, round(away_s * 1e3)))
+        self._backlog.put(ControlRecord(ControlKind.AWAY, round(away_s * 1e3)))
         self._log.warning("resumed", folder=self._folder.path, away_s=f"{away_s:.1f}")
 
     def _take_news(self, news: News) -> None:
@@ -196,7 +196,7 @@ class Daemon:
         """Use the newest estimate; what is fed from here on stands on it."""
         serial = None if self._finishing else self._live.adopt()
         if serial is not None:
-            self._backlog.put(Mark(MarkKind.ADOPT, serial))
+            self._backlog.put(ControlRecord(ControlKind.ADOPT, serial))
             self._ready = True
 
     def _take_event(self, event: Event) -> None:
@@ -208,7 +208,7 @@ class Daemon:
                 self._log.info("state", state=event.state.value, reason=event.reason)
             case Warned():
                 self._log.warning("warned", text=event.text)
-        self._vitals.take(event, time.monotonic())
+        self._diagnostics.take(event, time.monotonic())
 
     def _begin_again(self) -> None:
         """The estimation has ended by itself: another goes on from the last checkpoint and the black box since.
@@ -238,14 +238,14 @@ class Daemon:
         self._log.warning("warned", text=text)
 
     def _tell_status(self) -> None:
-        dropped = merged(self._dropped, self._vitals.queue_drops())
+        dropped = merged(self._dropped, self._diagnostics.queue_drops())
         extra = {
             "run": self._folder.path,
             "paused": str(self._handler.paused).lower(),
             "unpublished": self._publishers.unpublished,
             "unrecorded": self._recorder.unrecorded,
         }
-        self._publishers.publish_status(time.time_ns(), self._vitals.status(dropped, extra))
+        self._publishers.publish_status(time.time_ns(), self._diagnostics.status(dropped, extra))
         for topic, reason in {(topic, reason) for topic, reasons in dropped.items() for reason in reasons}:
             if (topic, reason) not in self._dropped_said:
                 self._dropped_said.add((topic, reason))
@@ -265,7 +265,7 @@ class Daemon:
         """Feed what still waits, have the results written, and say so."""
         self._drain()
         self._finishing = True
-        self._backlog.put(Finish(self._vitals.queue_drops(), {"latency": self._vitals.latencies.summary()}))
+        self._backlog.put(Finish(self._diagnostics.queue_drops(), {"latency": self._diagnostics.latencies.summary()}))
         deadline_s = time.monotonic() + FINISH_S
         while self._written is None and not self._estimation.ended and time.monotonic() < deadline_s:
             self._step()
@@ -274,5 +274,5 @@ class Daemon:
         if self._written is None or self._written.error:
             raise DaemonError(self._written.error if self._written else "the estimation did not come to its end")
         self._folder.stopped()
-        latency = self._vitals.latencies.summary()
+        latency = self._diagnostics.latencies.summary()
         self._log.info("stopped", poses=self._written.poses, folder=self._folder.path, **latency)

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from wayfi.service.blackbox.recorder import Recorder
 from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.estimator_messages import Finish, Ready, Report, Request, Start
-from wayfi.service.drive.marks import Mark, MarkKind
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.transport.queues import Received
 
 IDLE_S = 0.1
@@ -76,10 +76,10 @@ class Estimation:
         except (BrokenPipeError, OSError):
             self.ended = True
 
-    def _feed(self, item: Received | Mark | Request) -> None:
+    def _feed(self, item: Received | ControlRecord | Request) -> None:
         if isinstance(item, Finish):
             self._recorder.close()
-        elif isinstance(item, Received | Mark):
+        elif isinstance(item, Received | ControlRecord):
             self._recorder.write(item)
         self._outgoing.send(item)
         self._since_checkpoint += isinstance(item, Received)
@@ -90,7 +90,7 @@ class Estimation:
     def _ask_for_checkpoint(self) -> None:
         """A new part of the black box begins with its mark, so that older parts are not needed to go on from it."""
         self._checkpoint += 1
-        mark = Mark(MarkKind.CHECKPOINT, self._checkpoint)
+        mark = ControlRecord(ControlKind.CHECKPOINT, self._checkpoint)
         self._recorder.rotate_if_due()
         self._recorder.write(mark)
         self._recorder.flush()

@@ -21,10 +21,10 @@ from wayfi.service.blackbox.checkpoint import write_checkpoint
 from wayfi.service.daemon.estimator_messages import Finish, News, Ready, Save, Saved, Start, Written
 from wayfi.service.daemon.live_log import LiveLog
 from wayfi.service.daemon.recovery import recover
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
-from wayfi.service.drive.marks import Mark, MarkKind
 from wayfi.service.drive.results import Source, hash_of, write_results
-from wayfi.service.drive.tally import merged
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.queues import Received
@@ -57,9 +57,9 @@ class Estimator:
                 case Received() as message:
                     events, published = self._live.feed(message.sensor, message.encoding, message.data)
                     self._tell(events, published)
-                case Mark(kind=MarkKind.CHECKPOINT, number=number):
+                case ControlRecord(kind=ControlKind.CHECKPOINT, number=number):
                     self._checkpoint(number)
-                case Mark() as mark:
+                case ControlRecord() as mark:
                     self._tell(self._live.obey(mark), None)
                 case Save():
                     self._outgoing.send(self._save())
@@ -85,9 +85,9 @@ class Estimator:
         drive = self._live.drive
         news = News(self._live.new_estimate(), complaints=self._complaints.copy())
         self._complaints.clear()
-        if drive.tally.drops != self._drops_told:
-            self._drops_told = drive.tally.drops
-            news.dropped = merged(drive.tally.dropped)
+        if drive.counters.drops != self._drops_told:
+            self._drops_told = drive.counters.drops
+            news.dropped = merged(drive.counters.dropped)
         for event in events:
             if isinstance(event, TOLD) or (isinstance(event, PosePublished) and event is not published):
                 news.events.append(event)
@@ -126,7 +126,7 @@ class Estimator:
         drawn = GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m)
         self._outgoing.send(News(map_cdr=map_message(drawn, self._config.map)))
         for topic, reasons in dropped.items():
-            drive.tally.drop_many(topic, reasons)
+            drive.counters.drop_many(topic, reasons)
         seconds = time.monotonic() - self._begun_s
         try:
             source = Source(seconds, seconds, hash_of(parts_of(self._folder, BLACKBOX)), [])

@@ -9,7 +9,7 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.service.config import Config
-from wayfi.service.drive.tally import Drops
+from wayfi.service.drive.counters import Drops
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
-from wayfi.service.daemon.vital_signs import VitalSigns
+from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.queues import Received
 
@@ -15,9 +15,9 @@ from wayfi.service.transport.queues import Received
 class LivePublisher:
     """Never publishes a pose that is older than the last; `has_published` says whether there was one."""
 
-    def __init__(self, live: LivePose, publishers: Publishers, vitals: VitalSigns) -> None:
+    def __init__(self, live: LivePose, publishers: Publishers, diagnostics: Diagnostics) -> None:
         self._publishers = publishers
-        self._vitals = vitals
+        self._diagnostics = diagnostics
         self._published_ns = -1
         self.begin(live)
 
@@ -48,7 +48,7 @@ class LivePublisher:
         if pose.stamp_ns > self._published_ns:
             self._published_ns = pose.stamp_ns
             self._publishers.publish_pose(pose)
-            self._vitals.take(pose, received_s)
+            self._diagnostics.take(pose, received_s)
 
     def know(self, estimate: Estimate) -> None:
         """This estimate is to be adopted, in place of one before that has not been yet."""

@@ -9,12 +9,12 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap.parts import BLACKBOX, begins_at_first, parts_of
 from wayfi.recordings.mcap.recording import Record, RecordingError, open_recording
-from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
+from wayfi.service.drive.control_records import ControlKind, ControlRecordError, parse_control_record
 from wayfi.service.drive.live_drive import LiveDrive
-from wayfi.service.drive.marks import MarkError, MarkKind, parse_mark
-from wayfi.service.replay.players import BlackBoxPlayer
+from wayfi.service.replay.replayers import BlackBoxReplayer
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +35,13 @@ def recover(folder: Path, config: Config, calibration: Calibration | None, log: 
         live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
     else:
         live = LiveDrive.restored(checkpoint.drive, NullLog())
-    player = BlackBoxPlayer(live)
+    replayer = BlackBoxReplayer(live)
     replayed = 0
     for record in records:
-        player.play(record)
-        replayed += record.topic != MARKS_TOPIC
-    player.live.drive.log = log
-    return Recovered(player.live, replayed, whole)
+        replayer.play(record)
+        replayed += record.topic != CONTROL_TOPIC
+    replayer.live.drive.log = log
+    return Recovered(replayer.live, replayed, whole)
 
 
 def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
@@ -55,13 +55,13 @@ def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
 
 
 def _is_mark(record: Record, number: int) -> bool:
-    if record.topic != MARKS_TOPIC:
+    if record.topic != CONTROL_TOPIC:
         return False
     try:
-        mark = parse_mark(record.data)
-    except MarkError:
+        mark = parse_control_record(record.data)
+    except ControlRecordError:
         return False
-    return mark.kind is MarkKind.CHECKPOINT and mark.number == number
+    return mark.kind is ControlKind.CHECKPOINT and mark.number == number
 
 
 def _records(parts: list[Path]) -> Iterator[Record]:

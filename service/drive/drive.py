@@ -11,7 +11,7 @@ from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
-from wayfi.service.drive.tally import Tally
+from wayfi.service.drive.counters import Counters
 from wayfi.service.drive.timing import StageTimer
 
 
@@ -21,7 +21,7 @@ class Drive:
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
         self.config = config
         self.topics = config.recording.topics
-        self.tally = Tally(self.topics)
+        self.counters = Counters(self.topics)
         self.timer = StageTimer()
         self.pipeline = Pipeline(config, calibration, self.timer)
         self.log = log
@@ -38,13 +38,13 @@ class Drive:
     def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | None:
         """Count one message and decode it; None where it says nothing."""
         topic = self.topics[sensor]
-        self.tally.messages[topic] += 1
+        self.counters.messages[topic] += 1
         try:
             with self.timer("decode"):
                 return decode(data, sensor, encoding)
         except CodecError as error:
-            if self.tally.drop(topic, DropReason.UNDECODABLE) == 1:
-                self.tally.warn(f"{topic}: {error}")
+            if self.counters.drop(topic, DropReason.UNDECODABLE) == 1:
+                self.counters.warn(f"{topic}: {error}")
             return None
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
@@ -56,14 +56,14 @@ class Drive:
         """Count and log what `feed` returned; after it was published, for the log is the slower of the two."""
         with self.timer("log"):
             for event in events:
-                self.tally.take(event)
+                self.counters.take(event)
                 self.log.log(event)
             if any(isinstance(event, GraphUpdated) for event in events):
                 self.log.log_durations(self.timer.take())
 
     def history(self) -> list[Event]:
         """What a log that begins now has to show first: the map, and the closures that hold it together."""
-        accepted = [v for v in self.tally.verdicts.values() if v.verdict is Verdict.ACCEPTED]
+        accepted = [v for v in self.counters.verdicts.values() if v.verdict is Verdict.ACCEPTED]
         return self.pipeline.history() + accepted
 
     def finish(self) -> Result:

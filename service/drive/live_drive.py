@@ -12,8 +12,8 @@ from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.log import Log
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
-from wayfi.service.drive.marks import Mark, MarkKind
 
 
 class LiveDrive:
@@ -71,14 +71,14 @@ class LiveDrive:
         vars(self).update(vars(self.restored(data, self.drive.log)))
         return data
 
-    def obey(self, mark: Mark) -> list[Event]:
+    def obey(self, mark: ControlRecord) -> list[Event]:
         """Do what the daemon did."""
         match mark.kind:
-            case MarkKind.CHECKPOINT:
+            case ControlKind.CHECKPOINT:
                 self.checkpoint(mark.number)
-            case MarkKind.ADOPT:
+            case ControlKind.ADOPT:
                 self._adopt(mark.number)
-            case MarkKind.AWAY:
+            case ControlKind.AWAY:
                 return self._go_on(mark.number * 1e-3)
         return []
 

@@ -43,7 +43,7 @@ def write_results(
     """Write every file of a drive into `directory`; returns the report, `extra` in it as it is."""
     with drive.timer("files"):
         _write_estimate(directory, result)
-        write_closures(directory / "closures.csv", drive.tally.verdicts.values())
+        write_closures(directory / "closures.csv", drive.counters.verdicts.values())
         write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", result.calibration)
@@ -94,16 +94,16 @@ def _peak_memory_mb() -> float:
 
 
 def _report(drive: Drive, source: Source) -> dict[str, Any]:
-    tally = drive.tally
+    counters = drive.counters
     return {
-        "messages": dict(tally.messages),
-        "dropped": {topic: dict(reasons) for topic, reasons in tally.dropped.items()},
+        "messages": dict(counters.messages),
+        "dropped": {topic: dict(reasons) for topic, reasons in counters.dropped.items()},
         "stages": drive.timer.report(),
         "wall_s": round(source.wall_s, 3),
         "recording_s": round(source.recording_s, 3),
         "peak_memory_mb": round(_peak_memory_mb(), 1),
         "recording_sha256": source.sha256,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
-        "warnings": source.warnings + tally.warnings,
-        "status_changes": tally.status_changes,
+        "warnings": source.warnings + counters.warnings,
+        "status_changes": counters.status_changes,
     }

@@ -13,7 +13,7 @@ from wayfi.backend.errors import WayfiError
 from wayfi.recordings.mcap.recording import Record, Recording, open_recording
 from wayfi.recordings.ros.topics import Encoding, route
 from wayfi.service.config import Config, ZenohConfig
-from wayfi.service.replay.pace import Pace
+from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.transport.publishers import ALIVE
 from wayfi.service.transport.subscribers import SYNC
 from wayfi.service.transport.zenoh_session import RefusedError, UnreachableError, key_of, open_guest_session, patiently
@@ -55,7 +55,7 @@ def publish_recording(
         outlet = _Outlet(session, config, opened)
         outlet.wait_for_listener(deadline_s)
         start_s = time.monotonic()
-        _put_all(recording, outlet, Pace(rate), progress)
+        _put_all(recording, outlet, PlaybackRate(rate), progress)
         outlet.wait_until_received()
         seconds = time.monotonic() - start_s
     if not outlet.messages:
@@ -80,10 +80,12 @@ def _nobody(config: ZenohConfig) -> PublishError:
     return PublishError(f"nobody listens at {where}: start `wayfi run` first, or see zenoh.connect")
 
 
-def _put_all(recording: Recording, outlet: "_Outlet", pace: Pace, progress: Callable[[float], None]) -> None:
+def _put_all(
+    recording: Recording, outlet: "_Outlet", playback: PlaybackRate, progress: Callable[[float], None]
+) -> None:
     total = max(recording.message_count, 1)
     for number, record in enumerate(recording):
-        pace.wait_for(record.log_time_ns)
+        playback.wait_for(record.log_time_ns)
         outlet.put(record)
         if number % 100 == 0:
             progress(number / total)

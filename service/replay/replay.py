@@ -20,8 +20,8 @@ from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.stop_signal import StopSignal
-from wayfi.service.replay.pace import Pace
-from wayfi.service.replay.players import BlackBoxPlayer, PlainPlayer, Player
+from wayfi.service.replay.playback_rate import PlaybackRate
+from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer, Replayer
 
 Progress = Callable[[float], None]
 
@@ -70,37 +70,39 @@ def replay(
     _make_folder(options.out)
     sha256 = recording.sha256()
     log = _open_log(config, options, sha256[:16])
-    player = _player(recording, config, calibration, log)
+    replayer = _replayer(recording, config, calibration, log)
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
             warm_up(config)  # else the first tenth of the drive would pay for what is loaded once
-            _play_all(recording, player, options.rate, progress, stop)
-        drive = player.drive
+            _play_all(recording, replayer, options.rate, progress, stop)
+        drive = replayer.drive
         result = drive.finish()
     except BaseException:
         log.close()  # it still holds what led here
         raise
     if len(result.stamps_ns) == 0:
-        raise ReplayError(_nothing_usable(recording_path, drive, player.unused))
-    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in player.unused.items()]
+        raise ReplayError(_nothing_usable(recording_path, drive, replayer.unused))
+    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
     source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
     return write_results(options.out, drive, result, source)
 
 
-def _player(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Player:
+def _replayer(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
     if recording.is_blackbox:
-        return BlackBoxPlayer(LiveDrive(config, calibration, log))
-    return PlainPlayer(Drive(config, calibration, log))
+        return BlackBoxReplayer(LiveDrive(config, calibration, log))
+    return PlainReplayer(Drive(config, calibration, log))
 
 
-def _play_all(recording: Recording, player: Player, rate: float | None, progress: Progress, stop: StopSignal) -> None:
+def _play_all(
+    recording: Recording, replayer: Replayer, rate: float | None, progress: Progress, stop: StopSignal
+) -> None:
     total = max(recording.message_count, 1)
-    pace = Pace(rate)
+    playback = PlaybackRate(rate)
     for number, record in enumerate(recording):
         if stop.requested:
             raise KeyboardInterrupt
-        pace.wait_for(record.log_time_ns)
-        player.play(record)
+        playback.wait_for(record.log_time_ns)
+        replayer.play(record)
         if number % 100 == 0:
             progress(number / total)
     progress(1.0)
@@ -120,7 +122,7 @@ def _make_folder(out: Path) -> None:
 
 
 def _nothing_usable(path: Path, drive: Drive, unused: dict[str, str]) -> str:
-    dropped = Counter({f"{t} {r}": n for t, reasons in drive.tally.dropped.items() for r, n in reasons.items()})
+    dropped = Counter({f"{t} {r}": n for t, reasons in drive.counters.dropped.items() for r, n in reasons.items()})
     why = [f"{topic} ({reason})" for topic, reason in unused.items()] + [f"{n} x {what}" for what, n in dropped.items()]
     wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
     return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

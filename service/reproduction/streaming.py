@@ -36,7 +36,7 @@ def run_streaming(recording_path: Path, laser: bool, progress: Progress) -> Stre
         drive.show(drive.feed(*message))
     result = drive.finish()
     seconds = time.perf_counter() - start
-    accepted = [verdict for verdict in drive.tally.verdicts.values() if verdict.verdict is Verdict.ACCEPTED]
+    accepted = [verdict for verdict in drive.counters.verdicts.values() if verdict.verdict is Verdict.ACCEPTED]
     by_wifi = [verdict for verdict in accepted if verdict.kind is ClosureKind.WIFI]
     return StreamingRun(Trajectory(result.stamps_ns, result.final), by_wifi, seconds)
 

@@ -1,7 +1,7 @@
 """Loop closures from sequences of fingerprints: the paper's section III and the first half of its Algorithm 1.
 
 w counts fingerprints, which are single WiFi scans; a window is [j - w/2, j + w/2], cut where the drive begins or ends.
-A fingerprint is tried against one earlier one, the most similar. The paper does not say so, but its seconds do: from
+A fingerprint is outcome against one earlier one, the most similar. The paper does not say so, but its seconds do: from
 w = 20 to 120 they grow as the comparisons of some 2,000 pairs would, at its 0.029 ms each, while tens of thousands pass
 its thresholds on a drive of that length.
 """

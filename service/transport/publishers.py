@@ -8,8 +8,8 @@ from wayfi.frontends.events import PosePublished
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
-from wayfi.service.transport.kept_publisher import KeptPublisher
-from wayfi.service.transport.newest_only import NewestOnly
+from wayfi.service.transport.latched_publisher import LatchedPublisher
+from wayfi.service.transport.latest_value import LatestValue
 from wayfi.service.transport.output_messages import Status, pose_message, status_message, transform_message
 from wayfi.service.transport.ros_publishers import MAP, POSE, TF, RosPublishers
 from wayfi.service.transport.zenoh_session import key_of
@@ -33,10 +33,10 @@ class Publishers(Closing):
             enter = opened.enter_context
             self._pose = enter(session.declare_publisher(self._key("pose"), encoding=CDR, priority=urgent))
             self._tf = enter(session.declare_publisher(self._key("tf"), encoding=CDR, priority=urgent))
-            self._status = enter(KeptPublisher(session, self._key("status"), zenoh.CongestionControl.DROP))
-            self._map = enter(KeptPublisher(session, self._key("map"), zenoh.CongestionControl.BLOCK))
+            self._status = enter(LatchedPublisher(session, self._key("status"), zenoh.CongestionControl.DROP))
+            self._map = enter(LatchedPublisher(session, self._key("map"), zenoh.CongestionControl.BLOCK))
             self._ros = enter(RosPublishers(session, config))
-            self._maps = enter(NewestOnly(self._put_map))
+            self._maps = enter(LatestValue(self._put_map))
             self._opened = opened.pop_all()
 
     def close(self) -> None:

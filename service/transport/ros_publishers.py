@@ -11,7 +11,7 @@ import zenoh
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE
 from wayfi.service.config import ZenohConfig
-from wayfi.service.transport.kept_publisher import KeptPublisher
+from wayfi.service.transport.latched_publisher import LatchedPublisher
 from wayfi.service.transport.ros_keys import RosTopic, attachment, gid_of, node_token, publisher_token, rmw_key
 from wayfi.service.transport.zenoh_session import key_of
 
@@ -65,7 +65,7 @@ class RosPublishers(Closing):
 
     def _open(self, opened: ExitStack, topic: RosTopic, key: str) -> Put:
         if topic.kept:
-            return opened.enter_context(KeptPublisher(self._session, key, zenoh.CongestionControl.BLOCK)).put
+            return opened.enter_context(LatchedPublisher(self._session, key, zenoh.CongestionControl.BLOCK)).put
         urgent, cdr = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Encoding.APPLICATION_CDR
         return opened.enter_context(self._session.declare_publisher(key, encoding=cdr, priority=urgent)).put
 

@@ -17,7 +17,7 @@ from wayfi.service.transport.ros_keys import rmw_key_expression
 from wayfi.service.transport.zenoh_session import key_of
 
 SYNC = "wayfi/sync"
-KEPT_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
+LATCHED_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
 
 
 class Subscribers(Closing):
@@ -69,7 +69,7 @@ def _subscribe(
     """A subscriber; to what is said once and kept by its publisher, one that asks for it."""
     if sensor is not Sensor.TF_STATIC:
         return session.declare_subscriber(keys, handler)
-    history = HistoryConfig(detect_late_publishers=True, max_samples=KEPT_SAMPLES)
+    history = HistoryConfig(detect_late_publishers=True, max_samples=LATCHED_SAMPLES)
     return declare_advanced_subscriber(session, keys, handler, history=history)
 
 

@@ -24,7 +24,7 @@ from wayfi.frontends import slam
 from wayfi.frontends.measurements import LaserScan, Measurement
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.wifi.receivers import ReceiverOffset
-from wayfi.frontends.wifi.wifi import Wifi, WifiCandidate, WifiConfig
+from wayfi.frontends.wifi.wifi import WifiCandidate, WifiConfig, WifiFrontend
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
@@ -50,7 +50,7 @@ class Trial:
     seed: int
 
 
-class DeceivedWifi(Wifi):
+class DeceivedWifi(WifiFrontend):
     """WiFi that proposes false candidates among the true ones."""
 
     def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset], trial: Trial) -> None:

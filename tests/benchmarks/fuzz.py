@@ -107,8 +107,8 @@ def run(kind: str, messages: int, seed: int) -> Outcome:
             outcome.measure()
             print(f"{kind}: {outcome.mutated}, {outcome.rss_mb[-1]:.0f} MB", file=sys.stderr, flush=True)  # noqa: T201
     outcome.seconds = time.perf_counter() - start_s
-    outcome.dropped = {topic: dict(reasons) for topic, reasons in drive.tally.dropped.items()}
-    outcome.warnings = len(drive.tally.warnings)
+    outcome.dropped = {topic: dict(reasons) for topic, reasons in drive.counters.dropped.items()}
+    outcome.warnings = len(drive.counters.warnings)
     finish(drive, outcome)
     return outcome
 

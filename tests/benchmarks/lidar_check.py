@@ -22,7 +22,7 @@ from run import RESULTS, Case, chosen, commit, make, row, say
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures import lidar_closer
-from wayfi.frontends.closures.lidar_check import Check, ClosureConfig, Expected, check
+from wayfi.frontends.closures.lidar_check import CheckResult, ClosureConfig, Expected, check
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.service.config import load_config
@@ -49,7 +49,7 @@ class Asked:
     closure: ClosureConfig
     lidar: LidarConfig
 
-    def answer(self, expected: Expected) -> Check | None:
+    def answer(self, expected: Expected) -> CheckResult | None:
         """Check the candidate where it is `expected`."""
         return check(self.scan, self.submap_scans, self.submap_poses, expected, self.closure, self.lidar)
 
@@ -67,7 +67,7 @@ def asked_in(case: Case) -> list[Asked]:
     """Every check of a replay that had a submap to search."""
     kept: list[Asked] = []
 
-    def keep(*question: object) -> Check | None:
+    def keep(*question: object) -> CheckResult | None:
         asked = Asked(*question)
         done = asked.answer(asked.expected)
         if done is not None:
@@ -95,14 +95,14 @@ def figures(asked: list[Asked]) -> Iterator[str]:
     yield ", ".join(f"{verdict} {n}" for verdict, n in Counter(map(verdict_of, done)).most_common())
 
 
-def timed(asked: Asked, expected: Expected) -> tuple[float, Check]:
+def timed(asked: Asked, expected: Expected) -> tuple[float, CheckResult]:
     """CPU seconds of a check, and what it found."""
     start = time.thread_time()
     done = asked.answer(expected)
     return time.thread_time() - start, done
 
 
-def verdict_of(done: Check) -> str:
+def verdict_of(done: CheckResult) -> str:
     """Accepted or refused."""
     return "refused" if done.refused else "accepted"
 

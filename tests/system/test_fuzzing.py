@@ -201,7 +201,7 @@ def test_warnings_are_counted_rather_than_repeated() -> None:
         pose = Pose2(random.Random(i).choice((-1.0, 1.0)) * (i + 10) * 100.0, 0.0, 0.0)
         drive.show(drive.feed(Sensor.ODOM, Encoding.CDR, encode(Odometry(START_NS + i * SECOND_NS, pose))))
     leapt = "the odometry leapt further than a robot drives; the leap counts as no motion"
-    assert drive.tally.warnings == [leapt, f"99 times: {leapt}"]
+    assert drive.counters.warnings == [leapt, f"99 times: {leapt}"]
 
 
 def test_a_clock_that_leaps_by_decades_makes_the_pose_no_looser_than_an_hour_does() -> None:

@@ -15,7 +15,7 @@ STAGES = ("scan_points", "scan_matching", "backend", "closure", "wifi")
 CALIBRATION = ("scale of distance", "scale of turning", "bias, rad/m", "bias, rad/s")
 
 
-class Backend:
+class BackendView:
     """Draws below `/backend`."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:

@@ -11,7 +11,7 @@ from wayfi.recordings.rerun.stream import Stream, mirror, thinned
 from wayfi.recordings.rerun.style import GUESS, MATCHED, SUBMAP, ui
 
 
-class Check:
+class CheckView:
     """Draws `/check/scans` in base_link of keyframe a, and the inlier ratios below `/check/inlier_ratio`."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:

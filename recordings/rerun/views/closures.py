@@ -28,7 +28,7 @@ class _Lines:
     drawn: Floats
 
 
-class Closures:
+class ClosuresView:
     """Draws `/map/closures/VERDICT/NNNN`, a few lines each, so that a change draws few of them anew."""
 
     def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:

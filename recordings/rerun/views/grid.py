@@ -21,7 +21,7 @@ def _greys() -> NDArray[np.uint8]:
 GREYS = _greys()
 
 
-class Grid:
+class GridView:
     """Draws `/map/grid`: the larger it is, the less often and the coarser; the last one always, and in full."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:

@@ -17,7 +17,7 @@ ARROW = np.array([[-0.6, 0.45], [1.0, 0.0], [-0.6, -0.45], [-0.3, 0.0], [-0.6, 0
 ODOMETRY_STRIP = 50
 
 
-class Robot:
+class RobotView:
     """Draws `/map/robot`, `/map/ellipse` and `/map/odometry`; the state colours the ellipse."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:

@@ -9,7 +9,7 @@ from wayfi.recordings.rerun.stream import Limiter, Stream, frame, thinned
 from wayfi.recordings.rerun.style import SCAN, SUBMAP, ui
 
 
-class Scans:
+class ScansView:
     """Draws `/map/scan` in the frame of its keyframe, and `/map/local_submap` in `map`."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:

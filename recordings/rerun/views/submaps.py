@@ -32,7 +32,7 @@ class _Submap:
     cells: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
-class Submaps:
+class SubmapsView:
     """Draws `/map/submaps/NNNN`: a frame, the path and the scans of its keyframes below it."""
 
     def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:

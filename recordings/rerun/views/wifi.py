@@ -18,7 +18,7 @@ FLOOR_DBM = -100.0
 UNLIKE, ALIKE = np.array([40.0, 55.0, 80.0]), np.array([255.0, 215.0, 60.0])
 
 
-class Wifi:
+class WifiView:
     """Draws `/wifi/rssi`, `/wifi/strongest`, `/wifi/similarity`, `/wifi/places` and `/wifi/sequences`."""
 
     def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:

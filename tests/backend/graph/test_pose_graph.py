@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import Between, Factor, FactorError, Near, Wheels
+from wayfi.backend.graph.factors import BetweenFactor, Factor, FactorError, NearFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all, wrap
@@ -27,7 +27,7 @@ def chain(steps: list[Pose2], covariance: Floats = STEP) -> PoseGraph:
     for k, step in enumerate(steps):
         T = T @ step
         graph.add_keyframe(T)
-        graph.add(Between(k, k + 1, step, covariance))
+        graph.add(BetweenFactor(k, k + 1, step, covariance))
     graph.update()
     return graph
 
@@ -75,9 +75,9 @@ def drive(graph: PoseGraph, drive: Loops, closures: dict[int, int], covariance: 
     graph.update()
     for k, motion in enumerate(drive.motions):
         graph.add_keyframe(graph.pose(k) @ motion.corrected(graph.calibration_values()))
-        graph.add(Wheels(k, k + 1, motion, WHEELS))
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS))
         if (a := closures.get(k + 1)) is not None:
-            graph.add(Between(a, k + 1, drive.truth[a].between(drive.truth[k + 1]), covariance))
+            graph.add(BetweenFactor(a, k + 1, drive.truth[a].between(drive.truth[k + 1]), covariance))
         graph.update()
 
 
@@ -97,20 +97,20 @@ BAD_COVARIANCES = {
 }
 MOTION = WheelMotion(Pose2(0.5, 0.0, 0.1), 0.5, 1.0)
 BAD_FACTORS: dict[str, Factor] = {
-    "x is NaN": Between(0, 5, Pose2(math.nan, 0.0, 0.0), STEP),
-    "theta is infinite": Between(0, 5, Pose2(0.0, 0.0, math.inf), STEP),
-    "no such keyframe": Between(0, 11, Pose2(), STEP),
-    "a negative keyframe": Between(-1, 5, Pose2(), STEP),
-    "a keyframe with itself": Between(5, 5, Pose2(), STEP),
-    "wheels without a pose": Wheels(0, 1, WheelMotion(Pose2(math.nan, 0.0, 0.0), 0.5, 1.0), STEP),
-    "wheels without a path": Wheels(0, 1, WheelMotion(Pose2(), math.nan, 1.0), STEP),
-    "wheels without a time": Wheels(0, 1, WheelMotion(Pose2(), 0.5, math.inf), STEP),
-    "wheels to nowhere": Wheels(10, 11, MOTION, STEP),
-    "a place that is NaN": Near(0, 5, np.array([math.nan, 0.0]), np.zeros(2), 1.0),
-    "a place to no keyframe": Near(0, 11, np.zeros(2), np.zeros(2), 1.0),
-    "a place known to nothing": Near(0, 5, np.zeros(2), np.zeros(2), 0.0),
-    "a place known to infinity": Near(0, 5, np.zeros(2), np.zeros(2), math.inf),
-} | {f"covariance not {name}": Between(0, 5, Pose2(), bad) for name, bad in BAD_COVARIANCES.items()}
+    "x is NaN": BetweenFactor(0, 5, Pose2(math.nan, 0.0, 0.0), STEP),
+    "theta is infinite": BetweenFactor(0, 5, Pose2(0.0, 0.0, math.inf), STEP),
+    "no such keyframe": BetweenFactor(0, 11, Pose2(), STEP),
+    "a negative keyframe": BetweenFactor(-1, 5, Pose2(), STEP),
+    "a keyframe with itself": BetweenFactor(5, 5, Pose2(), STEP),
+    "wheels without a pose": WheelFactor(0, 1, WheelMotion(Pose2(math.nan, 0.0, 0.0), 0.5, 1.0), STEP),
+    "wheels without a path": WheelFactor(0, 1, WheelMotion(Pose2(), math.nan, 1.0), STEP),
+    "wheels without a time": WheelFactor(0, 1, WheelMotion(Pose2(), 0.5, math.inf), STEP),
+    "wheels to nowhere": WheelFactor(10, 11, MOTION, STEP),
+    "a place that is NaN": NearFactor(0, 5, np.array([math.nan, 0.0]), np.zeros(2), 1.0),
+    "a place to no keyframe": NearFactor(0, 11, np.zeros(2), np.zeros(2), 1.0),
+    "a place known to nothing": NearFactor(0, 5, np.zeros(2), np.zeros(2), 0.0),
+    "a place known to infinity": NearFactor(0, 5, np.zeros(2), np.zeros(2), math.inf),
+} | {f"covariance not {name}": BetweenFactor(0, 5, Pose2(), bad) for name, bad in BAD_COVARIANCES.items()}
 
 
 @pytest.mark.parametrize("factor", BAD_FACTORS.values(), ids=BAD_FACTORS.keys())
@@ -123,7 +123,7 @@ def test_a_factor_that_would_poison_the_graph_is_refused_and_leaves_it_as_it_was
     assert graph.update().added == 0
     np.testing.assert_array_equal(graph.poses(), before)
     good = graph.pose(0).between(graph.pose(10))
-    graph.add(Between(0, 10, good, STEP))
+    graph.add(BetweenFactor(0, 10, good, STEP))
     graph.update()
     np.testing.assert_allclose(graph.poses(), before, atol=1e-9)
 
@@ -210,7 +210,7 @@ def test_removing_a_closure_brings_the_estimate_back() -> None:
     graph = chain(ARC)
     before = graph.poses()
     T = graph.pose(0).between(graph.pose(10))
-    number = graph.add(Between(0, 10, Pose2(T.x + 0.2, T.y - 0.1, T.theta), CLOSURE))
+    number = graph.add(BetweenFactor(0, 10, Pose2(T.x + 0.2, T.y - 0.1, T.theta), CLOSURE))
     assert graph.pending
     assert graph.update().added == 1
     assert np.abs(graph.poses() - before).max() > 0.02
@@ -226,7 +226,7 @@ def test_removing_a_closure_brings_the_estimate_back() -> None:
 def test_a_queued_closure_that_is_removed_never_enters() -> None:
     graph = chain(ARC)
     before = graph.poses()
-    graph.remove(graph.add(Between(0, 10, Pose2(1.0, 1.0, 1.0), CLOSURE)))
+    graph.remove(graph.add(BetweenFactor(0, 10, Pose2(1.0, 1.0, 1.0), CLOSURE)))
     assert graph.update().added == 0
     np.testing.assert_array_equal(graph.poses(), before)
 
@@ -235,12 +235,12 @@ def test_slots_that_are_used_again_are_not_mixed_up() -> None:
     graph = chain(ARC)
     before = graph.poses()
     T = graph.pose(0).between(graph.pose(10))
-    numbers = [graph.add(Between(0, 10, Pose2(T.x + 0.1 * k, T.y, T.theta), CLOSURE)) for k in range(4)]
+    numbers = [graph.add(BetweenFactor(0, 10, Pose2(T.x + 0.1 * k, T.y, T.theta), CLOSURE)) for k in range(4)]
     graph.update()
     for number in numbers[:2]:
         graph.remove(number)
     graph.update()
-    numbers[:2] = [graph.add(Between(1, 9, graph.pose(1).between(graph.pose(9)), CLOSURE)) for _ in range(2)]
+    numbers[:2] = [graph.add(BetweenFactor(1, 9, graph.pose(1).between(graph.pose(9)), CLOSURE)) for _ in range(2)]
     graph.update()
     for number in numbers:
         graph.remove(number)
@@ -273,7 +273,7 @@ def test_a_closure_far_off_is_optimised_anew_and_converges() -> None:
     drive(graph, recorded, {})
     assert errors_m(graph, recorded.truth)[-1] > 2.0
     for a in (0, 1):
-        graph.add(Between(a, 80 - a, recorded.truth[a].between(recorded.truth[80 - a]), CLOSURE))
+        graph.add(BetweenFactor(a, 80 - a, recorded.truth[a].between(recorded.truth[80 - a]), CLOSURE))
     graph.update()
     assert errors_m(graph, recorded.truth).max() < 0.3
     assert abs(graph.calibration().values[2] - 0.03) < 0.01
@@ -283,7 +283,7 @@ def test_a_closure_far_off_converges_where_no_wheels_are() -> None:
     bent = [Pose2(1.0, 0.0, 2 * math.pi / 60 + 0.02)] * 60
     graph = chain(bent)
     assert math.hypot(graph.pose(60).x, graph.pose(60).y) > 5.0
-    graph.add(Between(0, 60, Pose2(), CLOSURE * 0.01))
+    graph.add(BetweenFactor(0, 60, Pose2(), CLOSURE * 0.01))
     graph.update()
     end = graph.pose(60)
     assert math.hypot(end.x, end.y) < 0.05
@@ -304,7 +304,7 @@ def test_restarting_at_the_solution_keeps_it_and_what_comes_after_still_works() 
     assert not graph.pending
     np.testing.assert_allclose(between_all(before, graph.poses()), 0, atol=0.015)
     np.testing.assert_allclose(graph.covariance(160), covariance, rtol=0.05, atol=1e-6)
-    removed = next(n for n, f in graph.factors().items() if isinstance(f, Between))
+    removed = next(n for n, f in graph.factors().items() if isinstance(f, BetweenFactor))
     graph.remove(removed)
     summary = graph.update()
     assert (summary.added, summary.removed, summary.factors) == (0, 1, 163)
@@ -328,7 +328,7 @@ def test_keyframes_that_come_after_a_restart_was_asked_for_follow_on_from_it() -
     step = Pose2(0.5, 0.0, 0.0)
     graph.restart(np.zeros(4), turned)
     graph.add_keyframe(graph.pose(10) @ step)
-    graph.add(Between(10, 11, step, STEP))
+    graph.add(BetweenFactor(10, 11, step, STEP))
     summary = graph.update()
     assert (summary.added, summary.factors) == (1, 11)
     assert graph.pose(11).distance(graph.pose(10) @ step) < 1e-6
@@ -343,7 +343,7 @@ def test_places_that_are_one_pull_the_drive_together_and_leave_its_size() -> Non
     for k in range(80, 241, 4):
         a, b = k - 80, k
         in_b = recorded.truth[b].between(recorded.truth[a] @ off)
-        graph.add(Near(a, b, off.array()[:2], in_b.array()[:2], 0.1))
+        graph.add(NearFactor(a, b, off.array()[:2], in_b.array()[:2], 0.1))
     assert graph.pending
     graph.settle()
     assert errors_m(graph, recorded.truth).max() < 0.5
@@ -368,7 +368,7 @@ def test_a_long_drive_on_wheels_alone_stays_solvable() -> None:
     drive(graph, recorded, {})
     assert graph.keyframes == 801
     assert np.isfinite(graph.covariance(800)).all()
-    graph.add(Between(720, 800, recorded.truth[720].between(recorded.truth[800]), CLOSURE))
+    graph.add(BetweenFactor(720, 800, recorded.truth[720].between(recorded.truth[800]), CLOSURE))
     graph.update()
     assert np.isfinite(graph.poses()).all()
 
@@ -396,7 +396,7 @@ def test_a_given_calibration_is_the_prior() -> None:
 
 def test_the_summary_counts_what_went_in_and_out() -> None:
     graph = chain(ARC)
-    number = graph.add(Between(0, 10, graph.pose(0).between(graph.pose(10)), CLOSURE))
+    number = graph.add(BetweenFactor(0, 10, graph.pose(0).between(graph.pose(10)), CLOSURE))
     summaries: list[Any] = [graph.update()]
     graph.remove(number)
     summaries.append(graph.update())

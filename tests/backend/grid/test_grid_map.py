@@ -17,7 +17,7 @@ from wayfi.backend.grid.grid_map import (
     MapConfig,
 )
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.grid.patch import FREE_MOST, OCCUPIED_MOST, Window
+from wayfi.backend.grid.patch import FREE_MOST, OCCUPIED_MOST, CellWindow
 
 CONFIG = MapConfig()
 WIDTH_M, HEIGHT_M = 6.0, 5.0
@@ -372,9 +372,9 @@ def test_as_many_poses_as_scans_are_asked_for() -> None:
 
 
 def test_windows() -> None:
-    window = Window(0, 0, 4, 6)
-    assert window.overlap(Window(2, -3, 9, 2)) == Window(2, 0, 4, 2)
-    assert window.overlap(Window(5, 0, 9, 2)).shape == (0, 2)
-    assert Window(1, 1, 4, 6).within(window)
-    assert not Window(1, 1, 5, 6).within(window)
-    assert Window(9, 9, 9, 9).within(window)
+    window = CellWindow(0, 0, 4, 6)
+    assert window.overlap(CellWindow(2, -3, 9, 2)) == CellWindow(2, 0, 4, 2)
+    assert window.overlap(CellWindow(5, 0, 9, 2)).shape == (0, 2)
+    assert CellWindow(1, 1, 4, 6).within(window)
+    assert not CellWindow(1, 1, 5, 6).within(window)
+    assert CellWindow(9, 9, 9, 9).within(window)

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.closures.lidar_check import (
-    Check,
+    CheckResult,
     ClosureConfig,
     Expected,
     at_one_place,
@@ -34,7 +34,7 @@ def checked(
     covariance: Floats = WIDE,
     seed: int = 0,
     config: ClosureConfig = CONFIG,
-) -> Check:
+) -> CheckResult:
     """A check of the scan at `b` of `faces` in a submap of five scans around `a`."""
     rng = np.random.default_rng(seed)
     ways = [Pose2(0.5 * k, 0.0, 0.0) for k in range(-2, 3)]

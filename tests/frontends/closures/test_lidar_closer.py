@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from circles import Circles, S, drive
 
-from wayfi.backend.graph.factors import Between
+from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.closures.lidar_check import ClosureConfig
 from wayfi.frontends.closures.lidar_closer import LidarCloser
@@ -51,10 +51,10 @@ def test_wifi_proposes_and_the_laser_gives_the_pose() -> None:
     run = drive(2.2, bias=0.005)
     candidate = run.candidate(3, run.last)
     assert closer(run).sees(candidate)
-    tried = closer(run).close_by_wifi(candidate, 0, run.poses())
-    check, verdict = tried.events
-    assert tried.closed
-    assert not tried.open
+    outcome = closer(run).close_by_wifi(candidate, 0, run.poses())
+    check, verdict = outcome.events
+    assert outcome.closed
+    assert not outcome.open
     assert isinstance(check, CheckDone)
     assert isinstance(verdict, ClosureJudged)
     assert (verdict.kind, verdict.proposed_by, verdict.similarity) == (ClosureKind.LIDAR, "wifi", 0.7)
@@ -69,10 +69,10 @@ def test_the_laser_sees_no_candidate_without_scans_and_closes_no_keyframe_with_i
 def test_wifi_that_contradicts_the_estimate_is_refused_before_the_laser_is_asked() -> None:
     run = drive(2.2)
     opposite = run.candidate(run.last - run.per_round * 3 // 2, run.last, sigma_m=0.1)
-    tried = closer(run).close_by_wifi(opposite, 0, run.poses())
-    (verdict,) = judged(tried.events)
-    assert tried.events == [verdict]
-    assert not tried.closed
+    outcome = closer(run).close_by_wifi(opposite, 0, run.poses())
+    (verdict,) = judged(outcome.events)
+    assert outcome.events == [verdict]
+    assert not outcome.closed
     assert (verdict.verdict, verdict.proposed_by) == (Verdict.REFUSED, "wifi")
     assert "WiFi contradicts the estimate" in verdict.reason
 
@@ -80,15 +80,15 @@ def test_wifi_that_contradicts_the_estimate_is_refused_before_the_laser_is_asked
 def test_a_candidate_is_open_where_the_estimate_knows_less_than_wifi_claims() -> None:
     run, never = drive(2.2, bias=0.005), replace(ClosureConfig(), min_inlier_ratio=1.1)
     for sigma_m, is_open in ((0.01, True), (2.0, False)):
-        tried = closer(run, never).close_by_wifi(run.candidate(3, run.last, sigma_m), 0, run.poses())
-        assert (tried.closed, tried.open) == (False, is_open)
+        outcome = closer(run, never).close_by_wifi(run.candidate(3, run.last, sigma_m), 0, run.poses())
+        assert (outcome.closed, outcome.open) == (False, is_open)
 
 
 def test_wifi_is_not_asked_where_the_way_is_closed() -> None:
     run = drive(2.2)
     closing = closer(run, replace(ClosureConfig(), closed_m=1000.0))
-    tried = closing.close_by_wifi(run.candidate(3, run.last), 0, run.poses())
-    assert (tried.events, tried.closed, tried.open) == ([], False, False)
+    outcome = closing.close_by_wifi(run.candidate(3, run.last), 0, run.poses())
+    assert (outcome.events, outcome.closed, outcome.open) == ([], False, False)
 
 
 def test_a_candidate_with_too_few_points_is_refused_for_that() -> None:
@@ -118,7 +118,7 @@ def test_a_closure_that_the_others_contradict_is_taken_back() -> None:
     run.graph.update()
     assert closing.review(run.poses()) == []
     elsewhere = accepted.T_a_b @ Pose2(1.0, 0.0, 0.0)
-    run.graph.add(Between(accepted.keyframe_a, run.last, elsewhere, np.diag([1e-6, 1e-6, 1e-7])))
+    run.graph.add(BetweenFactor(accepted.keyframe_a, run.last, elsewhere, np.diag([1e-6, 1e-6, 1e-7])))
     run.graph.update()
     (removed,) = judged(closing.review(run.poses()))
     assert (removed.closure, removed.verdict) == (accepted.closure, Verdict.REMOVED)

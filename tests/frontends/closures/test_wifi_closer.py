@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from circles import PRIOR, Circles, S, drive
 
-from wayfi.backend.graph.factors import Between, Near
+from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.closures.consensus import ConsensusConfig
 from wayfi.frontends.closures.wifi_closer import WifiCloser
@@ -63,7 +63,7 @@ def test_a_pair_that_the_estimate_makes_likely_is_believed_and_claims_no_heading
     run = drive(1.5, radius_m=8.0, laser=False)
     closing = closer(run)
     for k in range(run.last - 1):  # the wheels are known to be right
-        run.graph.add(Between(k, k + 2, run.truth[k].between(run.truth[k + 2]), np.diag([1e-6, 1e-6, 1e-8])))
+        run.graph.add(BetweenFactor(k, k + 2, run.truth[k].between(run.truth[k + 2]), np.diag([1e-6, 1e-6, 1e-8])))
     run.graph.update()
     a, b = 5, 5 + run.per_round
     at_a, at_b = Pose2(0.2, 0.1, 0.0), Pose2(-0.1, 0.3, 0.0)
@@ -78,7 +78,7 @@ def test_a_pair_that_the_estimate_makes_likely_is_believed_and_claims_no_heading
     assert (verdict.stamp_a_ns, verdict.stamp_b_ns, verdict.heading_claimed) == (a * S, b * S, False)
     assert verdict.covariance[0, 0] == verdict.covariance[1, 1] == pytest.approx(SIGMA_M**2)
     np.testing.assert_allclose((verdict.T_a_b @ at_b).array()[:2], at_a.array()[:2], atol=1e-9)
-    assert [type(f) for f in run.graph.factors().values()].count(Near) == 1
+    assert [type(f) for f in run.graph.factors().values()].count(NearFactor) == 1
 
 
 def test_one_pair_alone_is_not_believed_while_the_wheels_are_unknown() -> None:
@@ -167,7 +167,7 @@ def test_a_run_of_false_pairs_that_comes_first_is_taken_back() -> None:
 def test_pairs_in_a_row_count_as_one_fix_for_each_stretch_that_shadows_alike() -> None:
     run = drive(3.0, radius_m=8.0, laser=False)
     close(run, closer(run), rounds(run, every=2))
-    sigmas = [f.sigma_m for f in run.graph.factors().values() if isinstance(f, Near)]
+    sigmas = [f.sigma_m for f in run.graph.factors().values() if isinstance(f, NearFactor)]
     assert len(sigmas) > 50
     independent = WifiConfig().independent_m
     assert max(sigmas) == pytest.approx(SIGMA_M * math.sqrt(independent / 1.0), rel=0.2)

@@ -10,8 +10,8 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.intake.wifi_intake import EARLY_NS, WAIT_NS, WifiIntake
 from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.odometry.driven_path import OdometryConfig, Wheels
-from wayfi.frontends.wifi.wifi_by_place import PlacedReadings
+from wayfi.frontends.odometry.driven_path import DrivenPath, OdometryConfig
+from wayfi.frontends.wifi.readings_by_place import PlacedReadings
 
 S = 1_000_000_000
 SPEED_M_S = 0.5
@@ -29,19 +29,19 @@ def scan(stamp_s: float, ages_s: Iterable[float], receiver: str = "phone") -> Wi
 class Drive:
     """A robot that drives straight on, and what its intake gives and says."""
 
-    wheels: Wheels = field(default_factory=lambda: Wheels(OdometryConfig()))
+    path: DrivenPath = field(default_factory=lambda: DrivenPath(OdometryConfig()))
     intake: WifiIntake = field(default_factory=WifiIntake)
     placed: list[PlacedReadings] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def odometry(self, second: float) -> None:
         self._sort(self.intake.compare(round(second * S)))
-        self.wheels.advance(round(second * S), Pose2(SPEED_M_S * second, 0.0, 0.0))
-        self._sort(self.intake.ready(self.wheels))
+        self.path.advance(round(second * S), Pose2(SPEED_M_S * second, 0.0, 0.0))
+        self._sort(self.intake.ready(self.path))
 
     def hear(self, heard: WifiScan) -> None:
-        self._sort(self.intake.take(heard, 0, self.wheels.latest))
-        self._sort(self.intake.ready(self.wheels))
+        self._sort(self.intake.take(heard, 0, self.path.latest))
+        self._sort(self.intake.ready(self.path))
 
     def finish(self) -> None:
         self._sort(self.intake.finish())

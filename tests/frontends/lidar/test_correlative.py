@@ -13,7 +13,7 @@ from wayfi.frontends.lidar.correlative import (
     BRANCH,
     CorrelativeConfig,
     LikelihoodField,
-    Window,
+    SearchWindow,
     _bound,
     _score,
     build_field,
@@ -23,9 +23,9 @@ from wayfi.frontends.lidar.correlative import (
 CONFIG = CorrelativeConfig()
 
 
-def box(xy_m: float, theta_rad: float) -> Window:
+def box(xy_m: float, theta_rad: float) -> SearchWindow:
     """The whole of a window, no ellipse."""
-    return Window(xy_m, theta_rad, np.zeros((3, 3)), 1.0)
+    return SearchWindow(xy_m, theta_rad, np.zeros((3, 3)), 1.0)
 
 
 def cells_of(points: Floats, field: LikelihoodField, pose: Pose2) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -148,7 +148,7 @@ def test_an_ellipse_holds_the_best_of_the_poses_within_its_chi2(seed: int) -> No
     field = build_field(rng.uniform(-2, 2, (40, 2)), config)
     points, guess = rng.uniform(-2, 2, (25, 2)), Pose2(*rng.uniform(-0.5, 0.5, 3))
     covariance = np.array([[0.1, 0.06, 0.0], [0.06, 0.1, 0.01], [0.0, 0.01, 0.01]])
-    window = Window(0.8, 0.2, np.linalg.inv(covariance), 4.0)
+    window = SearchWindow(0.8, 0.2, np.linalg.inv(covariance), 4.0)
     peak = search(points, field, guess, window, config)
     best = max(
         plain_score(points, field, Pose2(guess.x, guess.y, guess.theta + a * 0.05), (i, j))
@@ -162,7 +162,7 @@ def test_an_ellipse_holds_the_best_of_the_poses_within_its_chi2(seed: int) -> No
 
 def test_a_window_holds_the_ellipse_of_its_covariance_within_its_bounds() -> None:
     covariance = np.diag([0.09, 0.04, 0.0025])
-    window = Window.of(covariance, 9.0, (0.1, 0.1), (4.0, 0.5))
+    window = SearchWindow.of(covariance, 9.0, (0.1, 0.1), (4.0, 0.5))
     assert (window.xy_m, window.theta_rad) == pytest.approx((0.9, 0.15))
-    bounded = Window.of(100 * covariance, 9.0, (0.1, 0.1), (4.0, 0.5))
+    bounded = SearchWindow.of(100 * covariance, 9.0, (0.1, 0.1), (4.0, 0.5))
     assert (bounded.xy_m, bounded.theta_rad) == (4.0, 0.5)

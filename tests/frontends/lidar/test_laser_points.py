@@ -13,7 +13,7 @@ from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
-from wayfi.frontends.odometry.driven_path import OdometryConfig, Wheels
+from wayfi.frontends.odometry.driven_path import DrivenPath, OdometryConfig
 from wayfi.recordings.simulation.surfaces import box
 
 S = 1_000_000_000
@@ -187,9 +187,9 @@ def test_points_of_a_wall_are_moved_onto_it() -> None:
 # Motion during a sweep
 
 
-def moving(speed_m_s: float, turn_rad_s: float) -> Wheels:
+def moving(speed_m_s: float, turn_rad_s: float) -> DrivenPath:
     """A robot that drives and turns steadily from t = 0 s to 3 s, 100 Hz."""
-    wheels = Wheels(OdometryConfig())
+    path = DrivenPath(OdometryConfig())
     for k in range(301):
         t = k / 100
         theta = turn_rad_s * t
@@ -197,20 +197,20 @@ def moving(speed_m_s: float, turn_rad_s: float) -> Wheels:
             x, y = speed_m_s / turn_rad_s * math.sin(theta), speed_m_s / turn_rad_s * (1 - math.cos(theta))
         else:
             x, y = speed_m_s * t, 0.0
-        wheels.advance(k * S // 100, Pose2(x, y, theta))
-    return wheels
+        path.advance(k * S // 100, Pose2(x, y, theta))
+    return path
 
 
 @pytest.mark.parametrize(("speed", "turn"), [(0.0, 0.0), (1.0, 0.0), (0.0, 0.4), (0.5, 0.3)])
 def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: float, turn: float) -> None:
     """A wall at x = 5 m of the path, seen beam by beam for half a second from a robot that moves."""
-    wheels, beams, increment = moving(speed, turn), 60, 0.01
+    path, beams, increment = moving(speed, turn), 60, 0.01
     each_s = 0.5 / beams
-    T_path_start = wheels.at(S)
+    T_path_start = path.at(S)
     assert T_path_start is not None
     ranges, expected = [], []
     for i in range(beams):
-        point = wheels.at(S + int(i * each_s * S))
+        point = path.at(S + int(i * each_s * S))
         assert point is not None
         bearing = -0.3 + i * increment
         T = point.T_path_base
@@ -220,30 +220,30 @@ def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: fl
         expected.append(T_path_start.T_path_base.inverse().transform(hit)[0])
     intake = ScanIntake(LidarConfig())
     intake.wait(S, scan(ranges, -0.3, increment, each_s))
-    (found, taken), *_ = intake.ready(wheels)
+    (found, taken), *_ = intake.ready(path)
     assert found is not None
-    placed = intake.place(found, taken, wheels)
+    placed = intake.place(found, taken, path)
     assert placed is not None
     np.testing.assert_allclose(placed.hits, expected, atol=0.01)
 
 
 def test_a_scan_waits_until_the_odometry_has_covered_its_sweep() -> None:
-    wheels = Wheels(OdometryConfig())
+    path = DrivenPath(OdometryConfig())
     intake = ScanIntake(LidarConfig())
     intake.wait(S, scan([1.0] * 50, each_s=0.01))
-    wheels.advance(S // 2, Pose2())
-    wheels.advance(S + S // 4, Pose2())
-    assert intake.ready(wheels) == []
-    wheels.advance(S + S // 2, Pose2())
-    assert len(intake.ready(wheels)) == 1
-    assert intake.ready(wheels) == []
+    path.advance(S // 2, Pose2())
+    path.advance(S + S // 4, Pose2())
+    assert intake.ready(path) == []
+    path.advance(S + S // 2, Pose2())
+    assert len(intake.ready(path)) == 1
+    assert intake.ready(path) == []
 
 
 def test_a_scan_from_before_the_path_has_no_place() -> None:
-    wheels, intake = Wheels(OdometryConfig()), ScanIntake(LidarConfig())
+    path, intake = DrivenPath(OdometryConfig()), ScanIntake(LidarConfig())
     intake.wait(S // 2, scan([1.0]))
-    wheels.advance(S, Pose2())
-    assert [point for point, _ in intake.ready(wheels)] == [None]
+    path.advance(S, Pose2())
+    assert [point for point, _ in intake.ready(path)] == [None]
 
 
 def test_scans_ahead_of_the_odometrys_clock_are_forgotten() -> None:

@@ -60,27 +60,27 @@ def test_the_drive_does_not_bend() -> None:
 
 def test_good_wheels_earn_their_trust() -> None:
     tracker, _ = follow(25, Pose2())
-    assert tracker.inflation == 1.0
+    assert tracker.covariance_scale == 1.0
 
 
 def test_wheels_that_slip_lose_it_and_their_covariance_grows() -> None:
     tracker, tracked = follow(25, Pose2(0.1, 0.03, 0.1))
-    assert tracker.inflation > 2 * LIDAR.trust.initial
+    assert tracker.covariance_scale > 2 * LIDAR.trust.initial
     assert all(one is not None and one.match.T_submap_scan.distance(STEP) < 0.03 for one in tracked)
     motion = WheelMotion(STEP, 0.3, 1.0)
     ratio = tracker.wheel_covariance(motion)[0, 0] / wheel_covariance(motion, ODOMETRY)[0, 0]
-    np.testing.assert_allclose(ratio, tracker.inflation)
+    np.testing.assert_allclose(ratio, tracker.covariance_scale)
 
 
 def test_trust_stays_within_its_bounds_whatever_the_wheels_say() -> None:
     tracker, _ = follow(25, Pose2(0.6, 0.0, 0.3))
-    assert 1.0 <= tracker.inflation <= LIDAR.trust.most
+    assert 1.0 <= tracker.covariance_scale <= LIDAR.trust.most
 
 
 def test_without_a_submap_or_points_there_is_no_match_and_nothing_is_learnt() -> None:
     tracker, tracked = follow(3, Pose2(), scanless=True)
     assert tracked == [None] * 3
-    assert tracker.inflation == LIDAR.trust.initial
+    assert tracker.covariance_scale == LIDAR.trust.initial
 
     keyframes = Keyframes()
     keyframes.append(Keyframe(PathPoint(0, Pose2(), 0.0), see(HALL, START, np.random.default_rng(0))))

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.odometry.driven_path import (
+    DrivenPath,
     OdometryConfig,
-    Wheels,
     calibration_prior,
     keyframe_due,
     wheel_covariance,
@@ -24,14 +24,14 @@ STEPS = st.lists(
 )
 
 
-def driven(steps: list[Pose2], start: Pose2 | None = None, keep_s: float = 1000.0) -> Wheels:
+def driven(steps: list[Pose2], start: Pose2 | None = None, keep_s: float = 1000.0) -> DrivenPath:
     """One message a second."""
-    wheels, T = Wheels(CONFIG, keep_s), start or Pose2()
-    wheels.advance(0, T)
+    path, T = DrivenPath(CONFIG, keep_s), start or Pose2()
+    path.advance(0, T)
     for k, step in enumerate(steps):
         T = T @ step
-        assert wheels.advance((k + 1) * S, T)
-    return wheels
+        assert path.advance((k + 1) * S, T)
+    return path
 
 
 def motion(metres: float = 0.0, radians: float = 0.0, seconds: float = 0.1) -> WheelMotion:
@@ -41,10 +41,10 @@ def motion(metres: float = 0.0, radians: float = 0.0, seconds: float = 0.1) -> W
 @settings(deadline=None)
 @given(STEPS, st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3)))
 def test_the_path_is_the_odometry_and_its_length_the_sum_of_the_steps(steps: list[Pose2], start: Pose2) -> None:
-    wheels, T = driven(steps, start), start
+    path, T = driven(steps, start), start
     for step in steps:
         T = T @ step
-    latest = wheels.latest
+    latest = path.latest
     assert latest is not None
     assert latest.T_path_base.distance(T) < 1e-9
     assert abs(wrap(latest.T_path_base.theta - T.theta)) < 1e-9
@@ -54,8 +54,8 @@ def test_the_path_is_the_odometry_and_its_length_the_sum_of_the_steps(steps: lis
 @settings(deadline=None)
 @given(STEPS, st.floats(0, 1), st.floats(0, 1))
 def test_motions_join_at_any_moment(steps: list[Pose2], early: float, late: float) -> None:
-    wheels, end_ns = driven(steps), len(steps) * S
-    points = [wheels.at(int(share * end_ns)) for share in (0.0, min(early, late), max(early, late))]
+    path, end_ns = driven(steps), len(steps) * S
+    points = [path.at(int(share * end_ns)) for share in (0.0, min(early, late), max(early, late))]
     first, a, b = (point for point in points if point is not None)
     whole, parts = first.motion_to(b), [first.motion_to(a), a.motion_to(b)]
     assert whole.path_m == pytest.approx(parts[0].path_m + parts[1].path_m, abs=1e-9)
@@ -78,40 +78,40 @@ def test_the_heading_is_interpolated_the_short_way_round() -> None:
 
 
 def test_a_moment_outside_of_what_is_kept_has_no_place() -> None:
-    assert Wheels(CONFIG).at(0) is None
-    assert Wheels(CONFIG).latest is None
-    wheels = driven([Pose2(0.1, 0.0, 0.0)] * 20, keep_s=5.0)
-    assert wheels.at(21 * S) is None
-    assert wheels.at(-1) is None
-    assert wheels.at(10 * S) is None
-    assert wheels.at(16 * S) is not None
-    latest = wheels.latest
+    assert DrivenPath(CONFIG).at(0) is None
+    assert DrivenPath(CONFIG).latest is None
+    path = driven([Pose2(0.1, 0.0, 0.0)] * 20, keep_s=5.0)
+    assert path.at(21 * S) is None
+    assert path.at(-1) is None
+    assert path.at(10 * S) is None
+    assert path.at(16 * S) is not None
+    latest = path.latest
     assert latest is not None
-    assert wheels.at(20 * S) == latest
+    assert path.at(20 * S) == latest
 
 
 def test_a_leap_counts_as_no_motion_and_the_path_goes_on_from_there() -> None:
-    wheels = driven([Pose2(0.1, 0.0, 0.0)])
-    assert not wheels.advance(2 * S, Pose2(100.0, 50.0, 2.0))
-    assert wheels.advance(3 * S, Pose2(100.0, 50.0, 2.0) @ Pose2(0.2, 0.0, 0.1))
-    latest = wheels.latest
+    path = driven([Pose2(0.1, 0.0, 0.0)])
+    assert not path.advance(2 * S, Pose2(100.0, 50.0, 2.0))
+    assert path.advance(3 * S, Pose2(100.0, 50.0, 2.0) @ Pose2(0.2, 0.0, 0.1))
+    latest = path.latest
     assert latest is not None
     np.testing.assert_allclose(latest.T_path_base.array(), [0.3, 0.0, 0.1], atol=1e-9)
     assert latest.path_m == pytest.approx(0.3)
 
 
 def test_a_gap_in_the_odometry_may_be_long_if_its_speed_is_plausible() -> None:
-    wheels = driven([])
-    assert wheels.advance(20 * S, Pose2(30.0, 0.0, 0.0))
-    assert not wheels.advance(21 * S, Pose2(30.0 + CONFIG.max_speed_m_s + 0.1, 0.0, 0.0))
+    path = driven([])
+    assert path.advance(20 * S, Pose2(30.0, 0.0, 0.0))
+    assert not path.advance(21 * S, Pose2(30.0 + CONFIG.max_speed_m_s + 0.1, 0.0, 0.0))
 
 
 def test_another_source_of_odometry_joins_without_motion() -> None:
-    wheels = driven([Pose2(0.3, 0.0, 0.5)])
-    before = wheels.latest
-    wheels.restart()
-    assert wheels.advance(2 * S, Pose2(-7.0, 3.0, 1.0))
-    after = wheels.latest
+    path = driven([Pose2(0.3, 0.0, 0.5)])
+    before = path.latest
+    path.restart()
+    assert path.advance(2 * S, Pose2(-7.0, 3.0, 1.0))
+    after = path.latest
     assert before is not None
     assert after is not None
     assert after.T_path_base == before.T_path_base @ Pose2()
@@ -119,9 +119,9 @@ def test_another_source_of_odometry_joins_without_motion() -> None:
 
 
 def test_since_gives_what_came_after() -> None:
-    wheels = driven([Pose2(0.1, 0.0, 0.0)] * 5)
-    assert [point.stamp_ns for point in wheels.since(2 * S)] == [3 * S, 4 * S, 5 * S]
-    assert wheels.since(5 * S) == []
+    path = driven([Pose2(0.1, 0.0, 0.0)] * 5)
+    assert [point.stamp_ns for point in path.since(2 * S)] == [3 * S, 4 * S, 5 * S]
+    assert path.since(5 * S) == []
 
 
 @pytest.mark.parametrize(
@@ -151,13 +151,15 @@ def test_a_factor_stretches_the_distance_between_keyframes() -> None:
 @settings(deadline=None)
 @given(st.builds(Pose2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)), st.floats(0, 5), st.floats(1, 200))
 def test_the_wheels_covariance_is_positive_definite_and_grows_with_its_inflation(
-    pose: Pose2, path_m: float, inflation: float
+    pose: Pose2, path_m: float, covariance_scale: float
 ) -> None:
     way = WheelMotion(pose, path_m, 1.0)
     covariance = wheel_covariance(way, CONFIG)
     assert np.linalg.eigvalsh(covariance)[0] > 0
     np.testing.assert_array_equal(covariance, covariance.T)
-    np.testing.assert_allclose(wheel_covariance(way, CONFIG, inflation), inflation * covariance, rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(
+        wheel_covariance(way, CONFIG, covariance_scale), covariance_scale * covariance, rtol=1e-6, atol=1e-5
+    )
 
 
 def test_the_wheels_covariance_is_that_of_a_sampled_drive() -> None:
@@ -186,27 +188,27 @@ def test_what_is_believed_of_the_wheels_before_a_drive_is_nothing_but_its_sigmas
 
 
 def test_odometry_that_begins_anew_while_nobody_looks_says_nothing_of_the_way() -> None:
-    wheels = Wheels(OdometryConfig())
-    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
-    before = wheels.latest
-    wheels.go_on()
-    assert not wheels.advance(60 * 10**9, Pose2(0.01, 0.0, 0.0))
-    after = wheels.latest
+    path = DrivenPath(OdometryConfig())
+    path.advance(0, Pose2(8.0, 3.0, 0.5))
+    before = path.latest
+    path.go_on()
+    assert not path.advance(60 * 10**9, Pose2(0.01, 0.0, 0.0))
+    after = path.latest
     assert before is not None
     assert after is not None
     motion = before.motion_to(after)
     assert motion.pose.distance(Pose2()) < 1e-12
-    assert (motion.path_m, motion.breaks) == (0.0, 1)
+    assert (motion.path_m, motion.discontinuities) == (0.0, 1)
     assert keyframe_due(motion, OdometryConfig())
     assert np.sqrt(wheel_covariance(motion, OdometryConfig())[0, 0]) >= 1.0
 
 
 def test_odometry_that_goes_on_while_nobody_looks_is_believed() -> None:
-    wheels = Wheels(OdometryConfig())
-    wheels.advance(0, Pose2(8.0, 3.0, 0.5))
-    wheels.go_on()
-    assert wheels.advance(60 * 10**9, Pose2(12.0, 3.0, 0.0))
-    latest = wheels.latest
+    path = DrivenPath(OdometryConfig())
+    path.advance(0, Pose2(8.0, 3.0, 0.5))
+    path.go_on()
+    assert path.advance(60 * 10**9, Pose2(12.0, 3.0, 0.0))
+    latest = path.latest
     assert latest is not None
     assert latest.path_m == pytest.approx(4.0)
-    assert latest.breaks == 0
+    assert latest.discontinuities == 0

@@ -9,7 +9,7 @@ import pytest
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.wifi.fingerprints import Readings, Similar
-from wayfi.frontends.wifi.wifi import Fingerprint, Wifi, WifiCandidate, WifiConfig
+from wayfi.frontends.wifi.wifi import Fingerprint, WifiCandidate, WifiConfig, WifiFrontend
 
 ACCESS_POINTS = np.random.default_rng(7).uniform(-30, 30, (40, 2))
 RADIUS_M = 8.0
@@ -30,7 +30,7 @@ def heard(xy: Floats, rng: np.random.Generator, sigma_db: float = 2.0) -> Readin
 class Heard:
     """A drive in rounds: the poses of its keyframes, what WiFi proposed, and with which verdict it was released."""
 
-    wifi: Wifi
+    wifi: WifiFrontend
     poses: Floats
     candidates: list[WifiCandidate]
     released: list[WifiCandidate]
@@ -38,7 +38,7 @@ class Heard:
 
 def drive(rounds: float, config: WifiConfig, seed: int = 0, step_m: float = 0.25) -> Heard:
     """Two scans a keyframe, one keyframe each half metre."""
-    rng, wifi, candidates, released = np.random.default_rng(seed), Wifi(config, {}), [], []
+    rng, wifi, candidates, released = np.random.default_rng(seed), WifiFrontend(config, {}), [], []
     poses = [np.zeros(3)]
     truth = Pose2()
     for k in range(1, int(rounds * ROUND_M / step_m) + 1):
@@ -82,7 +82,7 @@ def test_scans_become_fingerprints_of_half_a_metre() -> None:
 
 
 def test_a_fingerprint_is_the_mean_of_its_scans_without_what_was_heard_by_chance() -> None:
-    wifi = Wifi(WifiConfig(fingerprint_m=10.0, fingerprint_scans=8, min_readings=2), {})
+    wifi = WifiFrontend(WifiConfig(fingerprint_m=10.0, fingerprint_scans=8, min_readings=2), {})
     done = []
     for k in range(8):
         names = ("a", "b", "chance") if k == 3 else ("a", "b")
@@ -98,7 +98,7 @@ def test_a_fingerprint_is_the_mean_of_its_scans_without_what_was_heard_by_chance
 
 
 def test_a_robot_that_stands_gets_one_fingerprint_of_each_receiver() -> None:
-    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
     for k in range(200):
         for receiver in ("phone", "tablet"):
             wifi.add_scan(k * S, receiver, 0, Pose2(), at(3.0), heard(np.zeros(2), rng))
@@ -109,14 +109,14 @@ def test_a_robot_that_stands_gets_one_fingerprint_of_each_receiver() -> None:
 
 def test_scans_far_apart_are_not_one_place() -> None:
     """A phone that scans each half minute; and one that falls silent for a while."""
-    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
     scans = {0.0: "phone", 5.0: "phone", 10.0: "phone", 60.0: "phone", 60.6: "phone"}
     done = [wifi.add_scan(0, name, 0, Pose2(), at(m), heard(np.array([m, 0.0]), rng)) for m, name in scans.items()]
     assert [f and f.path_m for f in done] == [None, 0.0, 5.0, None, 60.6], "what lay in waiting for 50 m is too late"
 
 
 def test_a_fingerprint_that_comes_late_is_no_neighbours_earlier_place() -> None:
-    wifi, rng = Wifi(WifiConfig(), {}), np.random.default_rng(0)
+    wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
     for k in range(400):
         wifi.add_scan(k * S, "phone", k, Pose2(), at(0.25 * k), heard(np.array([0.25 * k, 0.0]), rng))
         for f in wifi.fingerprints[-1:]:
@@ -127,7 +127,7 @@ def test_a_fingerprint_that_comes_late_is_no_neighbours_earlier_place() -> None:
 
 
 def test_receivers_gather_apart_and_too_few_access_points_name_no_place() -> None:
-    wifi = Wifi(WifiConfig(fingerprint_m=1.0, min_readings=2), {})
+    wifi = WifiFrontend(WifiConfig(fingerprint_m=1.0, min_readings=2), {})
     two, one = (Readings(tuple("ab"[:n]), np.full(n, -50, np.float32), np.zeros(n, np.float32), ()) for n in (2, 1))
     assert wifi.add_scan(0, "phone", 0, Pose2(), at(0.0), two) is None
     assert wifi.add_scan(0, "tablet", 0, Pose2(), at(0.9), one) is None
@@ -140,7 +140,7 @@ def test_receivers_gather_apart_and_too_few_access_points_name_no_place() -> Non
 
 def test_nothing_is_proposed_before_similarity_has_a_meaning_nor_on_the_first_round() -> None:
     """A place heard before, at once: what similarity means is not known yet."""
-    wifi = Wifi(WifiConfig(min_path_m=1.0), {})
+    wifi = WifiFrontend(WifiConfig(min_path_m=1.0), {})
     rng = np.random.default_rng(0)
     for k in range(20):
         fingerprint = wifi.add_scan(k * S, "phone", 0, Pose2(), at(0.5 * k), heard(np.zeros(2), rng))
@@ -190,4 +190,4 @@ def test_places_follow_their_keyframes() -> None:
     np.testing.assert_allclose(
         run.wifi.places(moved)[:, :2], Pose2(5.0, -3.0, 1.0).transform(run.wifi.places(run.poses)[:, :2]), atol=1e-9
     )
-    assert Wifi(WifiConfig(), {}).places(np.zeros((1, 3))).shape == (0, 3)
+    assert WifiFrontend(WifiConfig(), {}).places(np.zeros((1, 3))).shape == (0, 3)

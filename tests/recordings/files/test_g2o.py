@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 import pytest
 
-from wayfi.backend.graph.factors import Between, Factor, Near, Wheels
+from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.gtsam_factors import CALIBRATION as CALIBRATION_KEY
 from wayfi.backend.graph.gtsam_factors import between_factor, near_factor, pose_key
 from wayfi.backend.graph.wheel_calibration import WheelMotion
@@ -26,9 +26,9 @@ def graph(seed: int) -> tuple[Floats, list[Factor]]:
     rng = np.random.default_rng(seed)
     poses = rng.uniform(-3, 3, (6, 3))
     factors: list[Factor] = [
-        Wheels(k, k + 1, WheelMotion(Pose2(*rng.uniform(-1, 1, 3)), 0.7, 2.0), covariance(rng)) for k in range(5)
+        WheelFactor(k, k + 1, WheelMotion(Pose2(*rng.uniform(-1, 1, 3)), 0.7, 2.0), covariance(rng)) for k in range(5)
     ]
-    factors += [Between(a, b, Pose2(*rng.uniform(-3, 3, 3)), covariance(rng)) for a, b in ((0, 5), (4, 1))]
+    factors += [BetweenFactor(a, b, Pose2(*rng.uniform(-3, 3, 3)), covariance(rng)) for a, b in ((0, 5), (4, 1))]
     return poses, factors
 
 
@@ -50,8 +50,8 @@ def test_what_gtsam_reads_has_the_poses_and_the_error_of_the_graph(tmp_path: Pat
     np.testing.assert_allclose(between_all(poses, found), 0, atol=1e-7)
     ours = gtsam.NonlinearFactorGraph()
     for f in factors:
-        assert not isinstance(f, Near)
-        T = f.T_a_b if isinstance(f, Between) else f.motion.corrected(CALIBRATION)
+        assert not isinstance(f, NearFactor)
+        T = f.T_a_b if isinstance(f, BetweenFactor) else f.motion.corrected(CALIBRATION)
         ours.add(between_factor(f.a, f.b, T, f.covariance))
     elsewhere = poses + np.random.default_rng(seed + 9).normal(0, 0.3, poses.shape)
     for at in (poses, elsewhere):
@@ -65,7 +65,7 @@ def test_gtsam_reads_every_edge_of_the_file_as_it_is_written(tmp_path: Path) -> 
 
 
 def test_a_line_reads_as_g2o_takes_it(tmp_path: Path) -> None:
-    factor = Between(0, 1, Pose2(1.5, -2.0, 0.0), np.diag([0.5, 0.25, 0.125]))
+    factor = BetweenFactor(0, 1, Pose2(1.5, -2.0, 0.0), np.diag([0.5, 0.25, 0.125]))
     write_g2o(tmp_path / "graph.g2o", np.array([[0.0, 0.0, 0.0], [1.5, -2.0, 0.0]]), [factor], np.zeros(4))
     lines = (tmp_path / "graph.g2o").read_text().splitlines()
     assert lines.count("FIX 0") == 1
@@ -83,7 +83,7 @@ def test_a_drive_without_keyframes_is_an_empty_graph(tmp_path: Path) -> None:
 
 def test_two_places_that_are_one_leave_turning_open_and_weigh_distance_as_the_graph_does(tmp_path: Path) -> None:
     poses = np.array([[1.0, 2.0, 0.4], [4.0, -1.0, 2.0]])
-    near = Near(0, 1, np.array([0.3, -0.2]), np.array([-0.4, 0.5]), 0.8)
+    near = NearFactor(0, 1, np.array([0.3, -0.2]), np.array([-0.4, 0.5]), 0.8)
     path = tmp_path / "graph.g2o"
     write_g2o(path, poses, [near], np.zeros(4))
     line = next(line for line in path.read_text().splitlines() if line.startswith("EDGE"))

@@ -50,7 +50,7 @@ from wayfi.recordings.ros.messages import (
     OCCUPANCY_GRID,
     ODOMETRY,
 )
-from wayfi.recordings.ros.topics import MARKS_TOPIC, Encoding
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.blackbox.blackbox import BlackBox
@@ -200,7 +200,7 @@ def test_the_black_box_replays_to_the_same_bytes(drive: Drive, tmp_path: Path) -
 def test_the_black_box_holds_what_was_published_in_its_order(drive: Drive) -> None:
     blackbox = open_recording(drive.daemon.folder)
     assert blackbox.is_blackbox
-    fed = [(r.topic, r.data) for r in blackbox if r.topic != MARKS_TOPIC]
+    fed = [(r.topic, r.data) for r in blackbox if r.topic != CONTROL_TOPIC]
     assert fed == [(r.topic, r.data) for r in open_recording(drive.recording)]
 
 
@@ -230,7 +230,7 @@ def test_json_and_garbage_and_a_kill(tmp_path: Path) -> None:
         daemon.process.kill()
         daemon.process.wait()
         kept = open_recording(daemon.folder)
-        fed = [record for record in kept if record.topic != MARKS_TOPIC]
+        fed = [record for record in kept if record.topic != CONTROL_TOPIC]
         assert Counter(record.topic for record in fed) == {"/odom": 15, "/scan": 4}
         assert [record.encoding for record in fed][:10] == ["json"] * 10
 

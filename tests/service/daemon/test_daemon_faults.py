@@ -41,14 +41,14 @@ from wayfi.frontends.odometry.timebase import LASTING_MESSAGES
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part, parts_of
 from wayfi.recordings.mcap.recording import McapWriter, open_recording
-from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.blackbox.checkpoint import CHECKPOINT, write_checkpoint
 from wayfi.service.blackbox.disk import KINDS, MIB, keep_budget
 from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
-from wayfi.service.drive.marks import Mark, MarkKind
-from wayfi.service.drive.tally import merged
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.counters import merged
 from wayfi.service.transport.queues import QueueDrop
 
 RATE = 30.0  # times real time
@@ -256,7 +256,7 @@ def test_a_drive_that_the_estimation_does_not_come_through_is_left_for_a_new_run
         lost = daemon.folder
         daemon.kill()
         with McapWriter(next_part(lost, BLACKBOX)) as writer:
-            writer.write(MARKS_TOPIC, "wayfi/Mark", "json", 0, Mark(MarkKind.CHECKPOINT, 1).to_json())
+            writer.write(CONTROL_TOPIC, "wayfi/Mark", "json", 0, ControlRecord(ControlKind.CHECKPOINT, 1).to_json())
         write_checkpoint(lost, 1, deadly)
         daemon.start_again()
         daemon.collect("wayfi/pose")

@@ -16,28 +16,28 @@ from wayfi.frontends.pipeline import Pipeline, Result
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.recording import Record, open_recording
-from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.blackbox.checkpoint import read_checkpoint, write_checkpoint
 from wayfi.service.config import Config
+from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.live_drive import LiveDrive
-from wayfi.service.drive.marks import Mark, MarkKind
 from wayfi.service.evaluation.trajectory_scores import absolute_error
-from wayfi.service.replay.players import BlackBoxPlayer, PlainPlayer
+from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer
 
 
-def mark(kind: MarkKind, number: int = 0) -> Record:
-    return Record(MARKS_TOPIC, "", "json", 0, Mark(kind, number).to_json())
+def mark(kind: ControlKind, number: int = 0) -> Record:
+    return Record(CONTROL_TOPIC, "", "json", 0, ControlRecord(kind, number).to_json())
 
 
 class Daemon:
     """Feeds as a daemon does whose estimation is `behind` messages late; keeps what its black box would hold."""
 
     def __init__(self, behind: int) -> None:
-        self.player = BlackBoxPlayer(LiveDrive(Config(), None, NullLog()))
+        self.replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
         self.blackbox: list[Record] = []
         self._known: deque[tuple[int, int]] = deque()
         self._behind = behind
@@ -47,9 +47,9 @@ class Daemon:
         """Feed one message, after what has become known of the earlier ones."""
         number = len(self.blackbox)
         while self._known and self._known[0][0] + self._behind <= number:
-            self.play(mark(MarkKind.ADOPT, self._known.popleft()[1]))
+            self.play(mark(ControlKind.ADOPT, self._known.popleft()[1]))
         self.play(record)
-        told = self.player.live.told
+        told = self.replayer.live.told
         if told != self._told:
             self._told = told
             self._known.append((len(self.blackbox), told))
@@ -57,14 +57,14 @@ class Daemon:
     def play(self, record: Record) -> None:
         """Play a record, and keep it."""
         self.blackbox.append(record)
-        self.player.play(record)
+        self.replayer.play(record)
 
 
 def played(records: Iterable[Record]) -> Result:
-    player = BlackBoxPlayer(LiveDrive(Config(), None, NullLog()))
+    replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
     for record in records:
-        player.play(record)
-    return player.drive.finish()
+        replayer.play(record)
+    return replayer.drive.finish()
 
 
 def same(one: Result, other: Result) -> bool:
@@ -100,11 +100,11 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 @pytest.mark.parametrize("behind", [0, 10, 300])
 def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: int) -> None:
     daemon = Daemon(behind)
-    plain = PlainPlayer(Drive(Config(), None, NullLog()))
+    plain = PlainReplayer(Drive(Config(), None, NullLog()))
     for record in drive.records:
         daemon.feed(record)
         plain.play(record)
-    live, zero = daemon.player.drive.finish(), plain.drive.finish()
+    live, zero = daemon.replayer.drive.finish(), plain.drive.finish()
     assert np.array_equal(live.final, zero.final)
     assert np.array_equal(live.stamps_ns, zero.stamps_ns)
     errors = [absolute_error(Trajectory(r.stamps_ns, r.online), drive.truth).error.ate_rmse_m for r in (live, zero)]
@@ -117,10 +117,10 @@ def test_what_was_done_is_done_again(drive: Recorded) -> None:
     for number, record in enumerate(drive.records):
         daemon.feed(record)
         if number % 700 == 699:
-            daemon.play(mark(MarkKind.CHECKPOINT, number))
+            daemon.play(mark(ControlKind.CHECKPOINT, number))
         if number == 1500:
-            daemon.play(mark(MarkKind.AWAY, 1000))
-    assert same(played(daemon.blackbox), daemon.player.drive.finish())
+            daemon.play(mark(ControlKind.AWAY, 1000))
+    assert same(played(daemon.blackbox), daemon.replayer.drive.finish())
 
 
 RESUME = """
@@ -135,10 +135,10 @@ def played_on(folder: Path) -> tuple[bytes, bytes]:
     """Go on from the checkpoint in `folder` with the records beside it."""
     checkpoint = read_checkpoint(folder)
     assert checkpoint is not None
-    player = BlackBoxPlayer(LiveDrive.restored(checkpoint.drive, NullLog()))
+    replayer = BlackBoxReplayer(LiveDrive.restored(checkpoint.drive, NullLog()))
     for record in pickle.loads((folder / "records").read_bytes()):
-        player.play(record)
-    result = player.drive.finish()
+        replayer.play(record)
+    result = replayer.drive.finish()
     return result.online.tobytes(), result.final.tobytes()
 
 
@@ -146,10 +146,10 @@ def played_on(folder: Path) -> tuple[bytes, bytes]:
 def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path: Path, points: bool) -> None:
     records = recorded(tmp_path / "drive", 1.0, points).records
     half = len(records) // 2
-    player = BlackBoxPlayer(LiveDrive(Config(), None, NullLog()))
+    replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
     for record in records[:half]:
-        player.play(record)
-    write_checkpoint(tmp_path, 7, player.live.checkpoint(7))
+        replayer.play(record)
+    write_checkpoint(tmp_path, 7, replayer.live.checkpoint(7))
     (tmp_path / "records").write_bytes(pickle.dumps(records[half:]))
     done = subprocess.run(
         [sys.executable, "-c", RESUME, str(tmp_path)],
@@ -159,8 +159,8 @@ def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_pa
         timeout=200,
     )
     for record in records[half:]:
-        player.play(record)
-    result = player.drive.finish()
+        replayer.play(record)
+    result = replayer.drive.finish()
     assert pickle.loads(done.stdout) == (result.online.tobytes(), result.final.tobytes())
     assert len(result.stamps_ns) > 100
 
@@ -176,10 +176,10 @@ def test_a_fault_of_ours_is_told_and_the_drive_goes_on(drive: Recorded, monkeypa
         return sound(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Pipeline, "process", failing)
-    player = BlackBoxPlayer(LiveDrive(Config(), None, NullLog()))
+    replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
     for record in drive.records[:1000]:
-        player.play(record)
-    tally = player.drive.tally
-    assert [reasons["internal_error"] for reasons in tally.dropped.values()] == [1]
-    assert any("out of luck" in text for text in tally.warnings)
-    assert len(player.drive.finish().stamps_ns) > 400
+        replayer.play(record)
+    counters = replayer.drive.counters
+    assert [reasons["internal_error"] for reasons in counters.dropped.values()] == [1]
+    assert any("out of luck" in text for text in counters.warnings)
+    assert len(replayer.drive.finish().stamps_ns) > 400

@@ -11,8 +11,8 @@ from loopback import eventually
 
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.ros.topics import MARKS_TOPIC
-from wayfi.service.drive.marks import Mark, MarkKind, parse_mark
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
+from wayfi.service.drive.control_records import ControlKind, ControlRecord, parse_control_record
 
 
 def asked(daemon: Running, name: str, parameters: str = "", payload: str | None = None) -> dict[str, Any]:
@@ -30,8 +30,8 @@ def drive(daemon: Running, numbers: range) -> None:
         put(daemon.key("odom"), odometry(number))
 
 
-def marks(folder: Path) -> list[Mark]:
-    return [parse_mark(r.data) for r in open_recording(folder) if r.topic == MARKS_TOPIC]
+def marks(folder: Path) -> list[ControlRecord]:
+    return [parse_control_record(r.data) for r in open_recording(folder) if r.topic == CONTROL_TOPIC]
 
 
 def test_a_pause_drops_what_comes_until_it_is_over(tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_a_pause_drops_what_comes_until_it_is_over(tmp_path: Path) -> None:
         drive(daemon, range(20, 30))
         eventually(lambda: len(daemon.samples["wayfi/pose"]) == 20)
         assert daemon.stop() == 0
-        said = [mark.text for mark in marks(daemon.folder) if mark.kind is MarkKind.COMMAND]
+        said = [mark.text for mark in marks(daemon.folder) if mark.kind is ControlKind.COMMAND]
         assert said == ["pause", "resume"]
         trajectory = read_tum(daemon.folder / "trajectory.tum")
         assert len(trajectory.stamps_ns) == 20

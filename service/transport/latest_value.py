@@ -8,7 +8,7 @@ from wayfi.recordings.closing import Closing
 LAST_S = 5.0
 
 
-class NewestOnly(Closing):
+class LatestValue(Closing):
     """Calls `act` with the newest value that was put; a context manager, which at its end waits for the last."""
 
     def __init__(self, act: Callable[[bytes], None]) -> None:

@@ -10,7 +10,7 @@ from wayfi.backend.graph.health import State
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
 from wayfi.service.daemon.backlog import Backlog
-from wayfi.service.drive.tally import Drops, merged
+from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.drive.timing import StageCost
 from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
 from wayfi.service.transport.queues import Queues
@@ -51,7 +51,7 @@ class Latencies:
         return {"p50_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3), "max_ms": round(float(most), 3)}
 
 
-class VitalSigns:
+class Diagnostics:
     """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
 
     def __init__(self, topics: dict[Sensor, str], inbox: Queues, backlog: Backlog) -> None:

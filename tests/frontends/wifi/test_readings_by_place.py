@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.wifi.fingerprints import Readings
-from wayfi.frontends.wifi.wifi_by_place import NEAR_M, TOGETHER_S, PlacedReadings, WifiByPlace
+from wayfi.frontends.wifi.readings_by_place import NEAR_M, TOGETHER_S, PlacedReadings, ReadingsByPlace
 
 S = 1_000_000_000
 NEVER_NS = 10**18
@@ -26,7 +26,7 @@ def readings(rssi: list[float], ages_s: list[float]) -> Readings:
     return Readings(BSSIDS[: len(rssi)], np.array(rssi, np.float32), np.array(ages_s, np.float32), ())
 
 
-def add(by_place: WifiByPlace, second: float, ages_s: list[float], speed_m_s: float = SPEED_M_S) -> None:
+def add(by_place: ReadingsByPlace, second: float, ages_s: list[float], speed_m_s: float = SPEED_M_S) -> None:
     """A scan whose levels tell, in -dBm, where on the path the readings were taken."""
     taken_m = speed_m_s * (second - np.array(ages_s))
     by_place.add("phone", point(second, speed_m_s), readings((-taken_m).tolist(), ages_s), taken_m)
@@ -41,7 +41,7 @@ AGES = st.lists(st.floats(0, 25, width=32), min_size=1, max_size=20)
 
 @given(st.lists(AGES, min_size=1, max_size=20))
 def test_what_counts_at_a_place_was_heard_near_it(scans: list[list[float]]) -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     for second, ages_s in enumerate(scans, start=30):
         add(by_place, float(second), ages_s)
     ready = by_place.ready(NEVER_NS)
@@ -57,7 +57,7 @@ def test_what_counts_at_a_place_was_heard_near_it(scans: list[list[float]]) -> N
 
 @given(st.lists(AGES, min_size=1, max_size=20))
 def test_every_reading_near_the_end_of_a_scan_counts(scans: list[list[float]]) -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     for second, ages_s in enumerate(scans, start=30):
         add(by_place, float(second), ages_s)
     levels = {placed.point.stamp_ns // S: level_of(placed) for placed in by_place.ready(NEVER_NS)}
@@ -71,7 +71,7 @@ def test_every_reading_near_the_end_of_a_scan_counts(scans: list[list[float]]) -
 
 
 def test_several_readings_of_one_access_point_give_their_mean() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     for second in range(30, 40):
         add(by_place, float(second), [1.0, 5.0])
     middle = by_place.ready(NEVER_NS)[3]
@@ -81,7 +81,7 @@ def test_several_readings_of_one_access_point_give_their_mean() -> None:
 
 
 def test_a_scan_is_ready_when_most_readings_of_its_place_have_come() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     add(by_place, 30.0, [0.0, 0.1, 0.2])
     add(by_place, 32.0, [0.0, 2.0, 4.0, 4.0, 4.0])
     assert [p.point.stamp_ns for p in by_place.ready(30 * S)] == [30 * S]
@@ -91,7 +91,7 @@ def test_a_scan_is_ready_when_most_readings_of_its_place_have_come() -> None:
 
 
 def test_receivers_are_kept_apart() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     for receiver, level in (("one", -40.0), ("two", -60.0)):
         by_place.add(receiver, point(30.0), readings([level] * 2, [0.0, 1.0]), np.array([15.0, 14.5]))
     assert {p.receiver: set(p.readings.rssi.tolist()) for p in by_place.ready(NEVER_NS)} == {
@@ -101,20 +101,20 @@ def test_receivers_are_kept_apart() -> None:
 
 
 def test_readings_whose_place_is_not_known_count_nowhere() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     by_place.add("phone", point(30.0), readings([-40.0, -50.0], [1.0, 50.0]), np.array([14.5, np.nan]))
     (placed,) = by_place.ready(NEVER_NS)
     assert placed.readings.bssids == BSSIDS[:1]
 
 
 def test_readings_too_old_to_have_a_place_hold_up_none() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
     by_place.add("phone", point(30.0), readings([-40.0, -50.0], [1.0, 1e6]), np.array([14.5, np.nan]))
     assert len(by_place.ready(31 * S)) == 1
 
 
 def test_a_robot_that_stands_still_gathers_no_more_and_no_more() -> None:
-    by_place = WifiByPlace()
+    by_place = ReadingsByPlace()
 
     def size_after(start: int, stop: int) -> int:
         for second in range(start, stop):

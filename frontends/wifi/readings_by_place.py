@@ -47,7 +47,7 @@ class _Receiver:
     waiting: deque[_Scan] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
 
 
-class WifiByPlace:
+class ReadingsByPlace:
     """Gathers readings for each receiver by itself, over no more than a minute."""
 
     def __init__(self) -> None:

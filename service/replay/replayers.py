@@ -3,13 +3,13 @@
 from typing import Protocol
 
 from wayfi.recordings.mcap.recording import Record
-from wayfi.recordings.ros.topics import MARKS_TOPIC, Route, route
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, Route, route
+from wayfi.service.drive.control_records import ControlRecordError, parse_control_record
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.live_drive import LiveDrive
-from wayfi.service.drive.marks import MarkError, parse_mark
 
 
-class Player(Protocol):
+class Replayer(Protocol):
     """Plays records, in their order, into `drive`; `unused` are the topics that feed no sensor, with the reason."""
 
     unused: dict[str, str]
@@ -42,7 +42,7 @@ class _Routes:
         return self._known[channel]
 
 
-class PlainPlayer:
+class PlainReplayer:
     """Every message is processed before its pose is published."""
 
     def __init__(self, drive: Drive) -> None:
@@ -57,7 +57,7 @@ class PlainPlayer:
             self.drive.show(self.drive.feed(found.sensor, found.encoding, record.data))
 
 
-class BlackBoxPlayer:
+class BlackBoxReplayer:
     """Does what the daemon did: a pose is published on the estimate that the daemon had, a restart is a restart."""
 
     def __init__(self, live: LiveDrive) -> None:
@@ -72,7 +72,7 @@ class BlackBoxPlayer:
 
     def play(self, record: Record) -> None:
         """Feed the record, or do what its mark says."""
-        if record.topic == MARKS_TOPIC:
+        if record.topic == CONTROL_TOPIC:
             self._obey(record.data)
             return
         found = self._routes.of(record)
@@ -83,9 +83,9 @@ class BlackBoxPlayer:
 
     def _obey(self, data: bytes) -> None:
         try:
-            mark = parse_mark(data)
-        except MarkError as error:
-            self.drive.tally.warn(str(error))
+            mark = parse_control_record(data)
+        except ControlRecordError as error:
+            self.drive.counters.warn(str(error))
             return
         self.drive.show(self.live.obey(mark))
         self.live.new_estimate()

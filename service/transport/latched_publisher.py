@@ -10,7 +10,7 @@ from wayfi.recordings.closing import Closing
 HEARTBEAT_S = 0.5  # rmw_zenoh's own
 
 
-class KeptPublisher(Closing):
+class LatchedPublisher(Closing):
     """Keeps its last message for subscribers that ask for history, and as the answer to a query; a context manager."""
 
     def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:

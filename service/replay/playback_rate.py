@@ -3,7 +3,7 @@
 import time
 
 
-class Pace:
+class PlaybackRate:
     """Holds messages back to `rate` times the time between their log times; None does not."""
 
     def __init__(self, rate: float | None) -> None:

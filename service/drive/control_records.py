@@ -5,14 +5,14 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from wayfi.backend.errors import WayfiError
-from wayfi.recordings.ros.topics import MARKS_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC
 
 
-class MarkError(WayfiError):
+class ControlRecordError(WayfiError):
     """A mark that no daemon wrote."""
 
 
-class MarkKind(StrEnum):
+class ControlKind(StrEnum):
     """What was done."""
 
     ADOPT = "adopt"
@@ -22,10 +22,10 @@ class MarkKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class ControlRecord:
     """One thing done: estimate or checkpoint `number`, ms away, or the command whose name is `text`."""
 
-    kind: MarkKind
+    kind: ControlKind
     number: int = 0
     text: str = ""
 
@@ -34,10 +34,10 @@ class Mark:
         return json.dumps(asdict(self)).encode()
 
 
-def parse_mark(data: bytes) -> Mark:
-    """The mark of `Mark.to_json`'s bytes. Raises MarkError."""
+def parse_control_record(data: bytes) -> ControlRecord:
+    """The control record of `ControlRecord.to_json`'s bytes. Raises ControlRecordError."""
     try:
         fields = json.loads(data)
-        return Mark(MarkKind(fields["kind"]), int(fields["number"]), str(fields["text"]))
+        return ControlRecord(ControlKind(fields["kind"]), int(fields["number"]), str(fields["text"]))
     except (ValueError, KeyError, TypeError) as error:
-        raise MarkError(f"{MARKS_TOPIC}: {data[:80]!r} is no mark: {error}") from None
+        raise ControlRecordError(f"{CONTROL_TOPIC}: {data[:80]!r} is no mark: {error}") from None

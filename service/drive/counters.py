@@ -23,7 +23,7 @@ def merged(*drops: Mapping[str, Mapping[str, int]]) -> Drops:
     return {topic: dict(reasons) for topic, reasons in total.items()}
 
 
-class Tally:
+class Counters:
     """Counts by topic, verdicts by candidate, warnings and changes of state, in the order they came."""
 
     def __init__(self, topics: dict[Sensor, str]) -> None:

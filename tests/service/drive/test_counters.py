@@ -1,0 +1,33 @@
+"""What a daemon counts for weeks stays small."""
+
+from wayfi.backend.graph.health import State
+from wayfi.frontends.events import StateChanged, Warned
+from wayfi.frontends.measurements import Sensor
+from wayfi.service.drive.counters import MOST_CHANGES, MOST_TEXT, MOST_WARNINGS, Counters
+
+TOPICS = {sensor: f"/{sensor}" for sensor in Sensor}
+
+
+def test_each_warning_stands_once_in_the_order_they_first_came() -> None:
+    counters = Counters(TOPICS)
+    for text in ("first", "second", "first", "third", "first"):
+        counters.take(Warned(0, text))
+    assert counters.warnings == ["first", "second", "third", "3 times: first"]
+
+
+def test_different_warnings_are_so_many_at_most_and_so_long() -> None:
+    counters = Counters(TOPICS)
+    for number in range(MOST_WARNINGS + 7):
+        counters.warn(f"{number} {'x' * 10_000}")
+    assert len(counters.warnings) == MOST_WARNINGS + 1
+    assert counters.warnings[-1] == "7 more warnings"
+    assert max(map(len, counters.warnings)) == MOST_TEXT
+
+
+def test_the_newest_changes_of_state_are_kept() -> None:
+    counters = Counters(TOPICS)
+    for number in range(MOST_CHANGES + 3):
+        counters.take(StateChanged(0, State.LOST, f"reason {number}"))
+    assert [change["reason"] for change in counters.status_changes] == [
+        f"reason {n}" for n in range(3, MOST_CHANGES + 3)
+    ]
