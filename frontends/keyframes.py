@@ -1,12 +1,14 @@
-"""The keyframes: where each stands on the driven path, and the scan it holds."""
+"""The keyframes: when one is due, where each stands on the driven path, and the scan it holds."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, between_all
 from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.scan_points import ScanPoints
 
 
@@ -71,3 +73,14 @@ class Keyframes:
         scans = [scan for k in numbers if (scan := self[k].scan) is not None]
         placed = between_all(origin, poses[numbers]) if numbers else np.empty((0, 3))
         return scans, placed, np.array(numbers, np.int64)
+
+
+def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:
+    """Whether `motion` since the last keyframe asks for a new one; `factor` stretches the distances."""
+    if motion.discontinuities:
+        return True
+    turned = abs(motion.pose.theta)
+    if motion.path_m >= factor * config.keyframe_distance_m or turned >= factor * config.keyframe_turn_rad:
+        return True
+    moved = motion.path_m > config.keyframe_still_m or turned > config.keyframe_still_m
+    return moved and motion.seconds >= factor * config.keyframe_seconds

@@ -2,20 +2,16 @@
 
 from collections.abc import Generator, Iterator
 from contextlib import nullcontext
-from copy import deepcopy
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import Factor
-from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
+from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake, Sweep, sees_anything, sensor_of
 from wayfi.frontends.intake.wifi_intake import WifiIntake
+from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.measurements import (
     SECOND_NS,
@@ -27,33 +23,21 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint, calibration_prior, fault_of, keyframe_due
+from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
+from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate
-from wayfi.frontends.odometry.timebase import TimeBase
+from wayfi.frontends.odometry.odometry_config import calibration_prior
+from wayfi.frontends.odometry.timebase import Stamped
 from wayfi.frontends.odometry.trajectories import Trajectories
-from wayfi.frontends.slam import Slam, Timer
+from wayfi.frontends.result import Result
+from wayfi.frontends.slam import Slam
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.frontends.wifi.readings_by_place import PlacedReadings
-from wayfi.frontends.wifi.wifi import Fingerprint
+from wayfi.frontends.timer import Timer
+from wayfi.frontends.wifi.readings import PlacedWifiScan
 
-ODOMETRY_WAIT_NS = 2_000_000_000  # of scans without odometry, after which the laser leads
-TELL_EVERY = 50  # messages of odometry, of a robot that stands still
-MOST_UNMOUNTED = 32  # frames that are told of
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Result:
-    """The drive as believed at the end: stamps (n,), trajectories (n, 3), keyframes (k, 3), fingerprints (m, 3)."""
-
-    stamps_ns: NDArray[np.int64]
-    final: Floats
-    online: Floats
-    keyframe_poses: Floats
-    factors: dict[int, Factor]
-    calibration: Calibration
-    grid: OccupancyGrid
-    fingerprints: list[Fingerprint]
-    fingerprint_poses: Floats
+ODOMETRY_WAIT_NS = 2 * SECOND_NS  # of scans without odometry, after which the laser leads: longer than any hiccup seen
+ESTIMATE_EVERY = 50  # messages of odometry of a robot that stands still: half a second to five of them
+MOST_UNMOUNTED = 32  # frames without a mount that are warned of: a bound on memory, not a robot's number of lasers
 
 
 class Pipeline:
@@ -62,8 +46,7 @@ class Pipeline:
     def __init__(self, config: SlamConfig, calibration: Calibration | None = None, timer: Timer | None = None) -> None:
         self._config = config
         self._timer: Timer = timer or (lambda _: nullcontext())
-        self._time = TimeBase()
-        self._path = DrivenPath(config.odometry)
+        self._odometry = AcceptedOdometry(config.odometry)
         self._slam = Slam(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
         self._wifi = WifiIntake()
@@ -74,118 +57,98 @@ class Pipeline:
         self._unmounted: set[str] = set()
         self._laser_watch = LaserWatch()
         self._laser_shift_ns = 0
-        self._odometry_taken = 0
-        self._told = (0, 0)
+        self._estimated = (0, 0)
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
-        """Take one measurement; returns what became known by it, in order.
+        """Process the next measurement; returns the events that follow from it, in order.
 
         `published` is the pose that was published for it already, on an earlier estimate.
         """
         match measurement:
             case Odometry():
-                return list(self._odometry(measurement, published))
+                return list(self._process_odometry(measurement, published))
             case LaserScan() | PointCloud():
-                return list(self._scan(measurement))
+                return list(self._process_scan(measurement))
             case WifiScan():
-                return list(self._wifi_scan(measurement))
+                return list(self._process_wifi(measurement))
             case StaticTransforms():
-                refused = self._scans.take_transforms(measurement)
+                refused = self._scans.add_transforms(measurement)
                 return [Dropped(Sensor.TF_STATIC, measurement.stamp_ns, reason) for reason in refused]
 
     def finish(self) -> tuple[Result, list[Event]]:
-        """End the drive: what still waits is used or dropped, and the grid is drawn."""
+        """End the drive: use or drop what still waits, close the last loops, draw the grid."""
         events = list(self._use_last_scans(self._scans.waiting()))
         events += self._use_wifi(self._wifi.finish())
-        slam = self._slam
-        if len(slam.keyframes):
-            events += slam.settle(slam.keyframes[len(slam.keyframes) - 1].point.stamp_ns)
-        with self._timer("map"):
-            grid = slam.grid.settle(slam.poses)
-        stamp_ns = int(self._trajectories.stamps_ns()[-1]) if len(self._trajectories) else 0
-        events.append(GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m))
-        points = [slam.keyframes[k].point for k in range(len(slam.keyframes))]
-        calibration = Calibration(slam.graph.calibration(), slam.wifi.receivers.offsets)
-        final = self._trajectories.final(points, slam.poses, calibration.wheels.values) if points else np.zeros((0, 3))
-        result = Result(
-            self._trajectories.stamps_ns(), final, self._trajectories.online(), slam.poses.copy(),
-            slam.graph.factors(), calibration, grid, slam.wifi.fingerprints, slam.fingerprint_poses(),
-        )  # fmt: skip
-        return result, events
+        result, last = self._slam.finish(self._trajectories)
+        return result, events + last
 
     def estimate(self, serial: int) -> Estimate:
         """What a live pose needs to go on from here."""
-        anchor = self._slam.anchor() if len(self._slam.keyframes) and not self._laser_leads else None
-        return Estimate(serial, self._odometry_taken, deepcopy(self._time), self._path.tip(), anchor)
+        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._laser_leads else None
+        return Estimate(serial, self._odometry.tip(), anchor)
 
     def new_estimate(self, serial: int) -> Estimate | None:
-        """The estimate, where there is a new keyframe or some odometry since the last that this returned."""
-        keyframes, odometry = self._told
-        if len(self._slam.keyframes) == keyframes and self._odometry_taken < odometry + TELL_EVERY:
+        """The estimate, where a keyframe or enough odometry has come since the last one that this returned."""
+        keyframes, odometry = self._estimated
+        if len(self._slam.keyframes) == keyframes and self._odometry.received < odometry + ESTIMATE_EVERY:
             return None
-        self._told = len(self._slam.keyframes), self._odometry_taken
+        self._estimated = len(self._slam.keyframes), self._odometry.received
         return self.estimate(serial)
 
     def history(self) -> list[Event]:
-        """What a picture that begins now has to show first: every keyframe where it is believed to be, and the grid."""
-        events = self._slam.history()
-        if len(self._slam.keyframes):
-            grid = deepcopy(self._slam.grid).redraw(self._slam.poses)
-            events.append(GridRedrawn(self._stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m))
-        return events
+        """What a log that begins now has to show first: every keyframe at its present pose, and the grid."""
+        return self._slam.history(self._stamp_ns)
+
+    @property
+    def _path(self) -> DrivenPath:
+        return self._odometry.path
 
     @property
     def _stamp_ns(self) -> int:
         return self._path.latest.stamp_ns if self._path.latest else 0
 
-    def go_on(self, seconds: float) -> list[Event]:
-        """Whoever feeds this was away for so long; a new estimate is due."""
-        self._told = (-1, 0)
+    def resume(self, seconds: float) -> list[Event]:
+        """Go on after `seconds` in which nothing was fed; a new estimate is due."""
+        self._estimated = (-1, 0)
         self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self._stamp_ns, text)]
 
-    def _odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
-        self._odometry_taken += 1
-        if fault := fault_of(m.pose):
-            yield Dropped(Sensor.ODOM, m.stamp_ns, fault)
+    def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
+        stamped = self._odometry.stamp(m)
+        yield from self._warn_of_shift(stamped)
+        if stamped.dropped:
+            yield Dropped(Sensor.ODOM, stamped.stamp_ns, stamped.dropped)
             return
-        stamp_ns = yield from self._stamp(Sensor.ODOM, m.stamp_ns)
-        if stamp_ns is None:
+        yield from self._end_laser_lead(stamped.stamp_ns)
+        if self._odometry.is_late(stamped.stamp_ns):
+            yield Dropped(Sensor.ODOM, stamped.stamp_ns, DropReason.TOO_LATE)
             return
+        for scan in self._scans.drop_ahead(stamped.stamp_ns + ODOMETRY_WAIT_NS):
+            yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
+        yield from self._laser_watch.pass_time(stamped.stamp_ns)
+        yield from self._wifi.compare(stamped.stamp_ns)
+        yield from self._advance(stamped.stamp_ns, m.pose, published)
+
+    def _end_laser_lead(self, stamp_ns: int) -> Iterator[Event]:
         if self._laser_leads:
             self._laser_leads = None
             self._path.restart()
             yield Warned(stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
-        latest = self._path.latest
-        if latest is not None and stamp_ns <= latest.stamp_ns:
-            yield Dropped(Sensor.ODOM, stamp_ns, DropReason.TOO_LATE)
-            return
-        for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
-            yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
-        yield from self._laser_watch.pass_time(stamp_ns)
-        yield from self._wifi.compare(stamp_ns)
-        yield from self._advance(stamp_ns, m.pose, published)
 
     def _advance(self, stamp_ns: int, T_odom_base: Pose2, published: PosePublished | None = None) -> Iterator[Event]:
-        """The robot has come to `T_odom_base`: use what waited for it, then publish where that is."""
+        """Add a pose to the path, use what waited for it, then publish the pose in `map`."""
         if not self._path.advance(stamp_ns, T_odom_base):
             yield Warned(stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
         point = self._path.latest
         assert point is not None
-        if len(self._slam.keyframes) == 0:
+        if not self._slam.has_keyframes:
             yield from self._slam.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
         yield self._publish(point, T_odom_base, published)
-        yield from self._redraw_grid(stamp_ns)
-
-    def _redraw_grid(self, stamp_ns: int) -> Iterator[Event]:
-        if self._slam.grid.due:
-            with self._timer("map"):
-                grid = self._slam.grid.redraw(self._slam.poses)
-            yield GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m)
+        yield from self._slam.redraw_grid(stamp_ns)
 
     def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> PosePublished:
         if published is None or published.stamp_ns != point.stamp_ns:
@@ -198,7 +161,7 @@ class Pipeline:
         if silent and keyframe_due(self._slam.motion_to(point), self._config.odometry):
             yield from self._slam.add_keyframe(point, None)
 
-    def _scan(self, m: Sweep) -> Iterator[Event]:
+    def _process_scan(self, m: Sweep) -> Iterator[Event]:
         sensor = sensor_of(m)
         if not self._config.lidar.enabled:
             yield Dropped(sensor, m.stamp_ns, DropReason.SENSOR_OFF)
@@ -211,7 +174,7 @@ class Pipeline:
             return
         stamp_ns += self._laser_shift_ns
         latest = self._path.latest
-        sweep = yield from self._laser_watch.take(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
+        sweep = yield from self._laser_watch.add(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
         if sweep is None:
             return
         if not sees_anything(sweep, self._config.lidar.max_range_m):
@@ -263,7 +226,7 @@ class Pipeline:
 
     def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
         """Where the laser has another clock than the odometry, correct its stamps and forget what it said till then."""
-        offset_s = self._slam.laser_clock.offset_s(self._path)
+        offset_s = self._slam.laser_offset_s(self._path)
         if offset_s is None:
             return
         self._laser_shift_ns += round(offset_s * SECOND_NS)
@@ -278,29 +241,32 @@ class Pipeline:
             text = f"no /tf_static says where {scan.frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"
             yield Warned(scan.stamp_ns, text)
 
-    def _wifi_scan(self, m: WifiScan) -> Iterator[Event]:
+    def _process_wifi(self, m: WifiScan) -> Iterator[Event]:
         if not self._config.wifi.enabled:
             yield Dropped(Sensor.WIFI, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        yield from self._wifi.take(m, self._time.offset_ns, self._path.latest)
+        yield from self._wifi.add(m, self._odometry.time.offset_ns, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
 
-    def _use_wifi(self, ready: Iterator[PlacedReadings | Event]) -> Iterator[Event]:
-        for heard in ready:
-            latest = self._path.latest
-            if isinstance(heard, PlacedReadings) and latest is not None:
-                yield from self._slam.add_wifi(latest.stamp_ns, heard.receiver, heard.point, heard.readings)
-            elif not isinstance(heard, PlacedReadings):
-                yield heard
+    def _use_wifi(self, ready: Iterator[PlacedWifiScan | Event]) -> Iterator[Event]:
+        for scan in ready:
+            if not isinstance(scan, PlacedWifiScan):
+                yield scan
+            elif self._slam.has_keyframes:
+                yield from self._slam.add_wifi(self._stamp_ns, scan)
 
     def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:
         """The stamp on the time base as the generator's return value; None if the message is dropped."""
-        stamped = self._time.accept(sensor, stamp_ns)
-        if stamped.shift_ns:
-            where = "back" if stamped.shift_ns > 0 else "forward again"
-            text = f"the clock was set {where}: stamps are shifted by {self._time.offset_ns * 1e-9:+.3f} s from here on"
-            yield Warned(stamped.stamp_ns, text)
+        stamped = self._odometry.time.accept(sensor, stamp_ns)
+        yield from self._warn_of_shift(stamped)
         if stamped.dropped:
             yield Dropped(sensor, stamped.stamp_ns, stamped.dropped)
             return None
         return stamped.stamp_ns
+
+    def _warn_of_shift(self, stamped: Stamped) -> Iterator[Event]:
+        if stamped.shift_ns:
+            where = "back" if stamped.shift_ns > 0 else "forward again"
+            shift_s = self._odometry.time.offset_ns * 1e-9
+            text = f"the clock was set {where}: stamps are shifted by {shift_s:+.3f} s from here on"
+            yield Warned(stamped.stamp_ns, text)

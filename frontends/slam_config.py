@@ -6,8 +6,8 @@ from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.grid.grid_map import MapConfig
 from wayfi.frontends.closures.lidar_check import ClosureConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.odometry.driven_path import OdometryConfig
-from wayfi.frontends.wifi.wifi import WifiConfig
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 
 @dataclass(frozen=True)

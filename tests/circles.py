@@ -13,9 +13,11 @@ from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.keyframes import Keyframe, Keyframes
-from wayfi.frontends.odometry.driven_path import OdometryConfig, PathPoint, calibration_prior, wheel_covariance
-from wayfi.frontends.wifi.fingerprints import Readings
-from wayfi.frontends.wifi.wifi import Fingerprint, WifiCandidate
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.wheel_noise import wheel_covariance
+from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
+from wayfi.frontends.wifi.readings import Readings
 
 sys.path.insert(0, str(Path(__file__).parent))
 from rooms import HALL, see
@@ -24,7 +26,7 @@ ODOMETRY = OdometryConfig()
 PRIOR = calibration_prior(ODOMETRY)
 S = 1_000_000_000
 STEP_M = 0.5
-_NOTHING = Readings((), np.empty(0, np.float32), np.empty(0, np.float32), ())
+_NOTHING = Readings((), np.empty(0, np.float32), np.empty(0, np.float32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

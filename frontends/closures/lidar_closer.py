@@ -23,7 +23,7 @@ from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.wifi.wifi import WifiCandidate
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
 
 REVIEWED = 20  # accepted closures: those that a new one may contradict
 

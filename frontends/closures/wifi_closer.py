@@ -29,7 +29,8 @@ from wayfi.frontends.closures.consensus import (
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.keyframes import Keyframes
-from wayfi.frontends.wifi.wifi import WifiCandidate, WifiConfig
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
+from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 UNCLAIMED_RAD = 30.0  # a sigma that says nothing of a heading
 _SHOWN = 40  # pairs of a sequence

@@ -33,7 +33,7 @@ class CloudIntake:
         self._config = config
         self._mounts: dict[str, Mount] = {}
 
-    def take(self, transform: StaticTransform) -> None:
+    def add_mount(self, transform: StaticTransform) -> None:
         """Learn where a sensor is mounted on the base."""
         if math.hypot(*transform.rotation_xyzw) > 0.0:
             self._mounts[transform.child_frame_id] = spatial_mount(transform)

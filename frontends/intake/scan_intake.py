@@ -50,7 +50,7 @@ class ScanIntake:
         self._waiting: deque[tuple[int, Sweep]] = deque()
         self._points_waiting = 0
 
-    def take_transforms(self, transforms: StaticTransforms) -> list[DropReason]:
+    def add_transforms(self, transforms: StaticTransforms) -> list[DropReason]:
         """Learn where sensors are mounted on the base; returns why a mount is not taken, for each that is not."""
         refused = []
         for t in transforms.transforms:
@@ -61,7 +61,7 @@ class ScanIntake:
                 refused.append(reason)
             else:
                 self._mounts[t.child_frame_id] = planar_mount(t)
-                self.clouds.take(t)
+                self.clouds.add_mount(t)
         return refused
 
     def _refuses(self, t: StaticTransform) -> DropReason | None:

@@ -32,7 +32,7 @@ class LaserClock:
         self._waiting: deque[tuple[int, int, float]] = deque()
         self._squares: deque[Floats] = deque(maxlen=WINDOW)
 
-    def take(self, from_ns: int, to_ns: int, turned_rad: float) -> None:
+    def add(self, from_ns: int, to_ns: int, turned_rad: float) -> None:
         """Scan matching saw the robot turn so far between two stamps."""
         if abs(turned_rad) >= TURN_RAD:
             self._waiting.append((from_ns, to_ns, turned_rad))

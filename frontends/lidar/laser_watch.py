@@ -53,7 +53,7 @@ class LaserWatch:
         self._silent_ns: int | None = None
         self._now_ns: int | None = None
 
-    def take(self, stamp_ns: int, sweep: Sweep, late_ns: int) -> Generator[Event, None, Sweep | None]:
+    def add(self, stamp_ns: int, sweep: Sweep, late_ns: int) -> Generator[Event, None, Sweep | None]:
         """A sweep has come, `late_ns` after the odometry of its stamp; returns what is to be used of it, if anything.
 
         Of a cloud only the time is watched.

@@ -9,7 +9,8 @@ from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import ScanMatch, match_scan, merge_submap
-from wayfi.frontends.odometry.driven_path import OdometryConfig, wheel_covariance
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 from wayfi.frontends.scan_points import ScanPoints
 
 

@@ -1,7 +1,7 @@
 """The pose at the rate of the odometry: from the newest estimate that is known, without waiting for the next."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -10,23 +10,18 @@ from wayfi.backend.graph.health import State
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.events import PosePublished
-from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.frontends.odometry.driven_path import (
-    DrivenPath,
-    OdometryConfig,
-    PathPoint,
-    calibration_prior,
-    fault_of,
-    wheel_covariance,
-)
-from wayfi.frontends.odometry.timebase import TimeBase
+from wayfi.frontends.measurements import Odometry
+from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
-ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])
+ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m², m², rad²: the first keyframe is the origin by definition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Anchor:
-    """What poses between two keyframes hang on: the newest keyframe, and what is believed of the wheels from there.
+    """The newest keyframe and the wheels' calibration there: poses since then are extrapolated from both.
 
     `covariance` (3, 3) is the keyframe's in (x, y, theta) of `map`; `calibration` (4,) is the wheels', and so is
     `covariance_scale`, a factor on the covariance of their noise.
@@ -55,20 +50,19 @@ class Anchor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """What was known after `odometry` messages of odometry: the time base, the path's end, and the anchor.
+    """What was known when `odometry` had been accepted: its path's end, its time base, and the anchor there.
 
-    No anchor: the laser leads, and the pose is not the odometry's to tell. `serial` counts a drive's estimates from 1.
+    `anchor` is None while the laser leads: the pose is then not the odometry's to give. `serial` counts a drive's
+    estimates from 1.
     """
 
     serial: int
-    odometry: int
-    time: TimeBase
-    wheels: DrivenPath
+    odometry: AcceptedOdometry
     anchor: Anchor | None
 
 
 class LivePose:
-    """Feed it odometry as it comes, and estimates as they become known: they may be of any number of messages ago.
+    """Gives a pose for each odometry message at once, on the newest estimate, which may be some messages old.
 
     The same calls in the same order give the same poses.
     """
@@ -78,7 +72,7 @@ class LivePose:
         self._calibration = (calibration or calibration_prior(config)).values
         self._begun = False
         self._since: deque[Odometry] = deque()
-        self._estimate = Estimate(0, 0, TimeBase(), DrivenPath(config), None)
+        self._estimate = Estimate(0, AcceptedOdometry(config), None)
 
     @classmethod
     def resumed(cls, config: OdometryConfig, calibration: WheelCalibration | None, estimate: Estimate) -> Self:
@@ -89,31 +83,13 @@ class LivePose:
 
     @property
     def serial(self) -> int:
-        """The estimate in use; 0 before the first."""
+        """The number of the estimate in use; 0 before the first."""
         return self._estimate.serial
 
-    def take(self, m: Odometry) -> PosePublished | None:
-        """The pose for the next message; None where it is not used, or the laser leads."""
+    def add(self, m: Odometry) -> PosePublished | None:
+        """The pose for the next message; None where the message is dropped, or the laser leads."""
         self._since.append(m)
-        return self._pose_for(m)
-
-    def adopt(self, estimate: Estimate) -> list[PosePublished]:
-        """Go on from `estimate`, which belongs to this object from now on.
-
-        Returns the poses of messages since then that had none, because the laser led until now.
-        """
-        laser_led = self._estimate.anchor is None
-        for _ in range(min(estimate.odometry - self._estimate.odometry, len(self._since))):
-            self._since.popleft()
-        self._estimate = estimate
-        self._begun = True
-        reached = [(m, self._advance(m)) for m in self._since]
-        if not laser_led or estimate.anchor is None:
-            return []
-        return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
-
-    def _pose_for(self, m: Odometry) -> PosePublished | None:
-        point = self._advance(m)
+        point = self._estimate.odometry.accept(m)
         if point is None:
             return None
         if not self._begun:
@@ -121,20 +97,24 @@ class LivePose:
         anchor = self._estimate.anchor
         return anchor.pose_at(point, m.pose, self._config) if anchor else None
 
-    def _advance(self, m: Odometry) -> PathPoint | None:
-        """The path's end with this message; None where it is not used."""
-        estimate, wheels = self._estimate, self._estimate.wheels
-        if fault_of(m.pose):
-            return None
-        stamped = estimate.time.accept(Sensor.ODOM, m.stamp_ns)
-        if stamped.dropped or (wheels.latest and stamped.stamp_ns <= wheels.latest.stamp_ns):
-            return None
-        wheels.advance(stamped.stamp_ns, m.pose)
-        return wheels.latest
+    def adopt(self, estimate: Estimate) -> list[PosePublished]:
+        """Go on from `estimate`, which belongs to this object from now on.
+
+        Returns the poses of messages since then that had none, because the laser led until now.
+        """
+        laser_led = self._estimate.anchor is None
+        newer = max(0, self._estimate.odometry.received - estimate.odometry.received)
+        while len(self._since) > newer:
+            self._since.popleft()
+        self._estimate = estimate
+        self._begun = True
+        reached = [(m, estimate.odometry.accept(m)) for m in self._since]
+        if not laser_led or estimate.anchor is None:
+            return []
+        return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
 
     def _begin(self, point: PathPoint) -> None:
         """The first pose is the origin of `map`."""
         self._begun = True
         anchor = Anchor(point, Pose2(), ORIGIN_COVARIANCE, self._calibration, 1.0, State.TRACKING)
-        at_start = self._estimate
-        self._estimate = Estimate(at_start.serial, at_start.odometry, at_start.time, at_start.wheels, anchor)
+        self._estimate = replace(self._estimate, anchor=anchor)

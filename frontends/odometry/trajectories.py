@@ -38,6 +38,8 @@ class Trajectories:
 
     def final(self, keyframes: list[PathPoint], poses: Floats, calibration: Floats) -> Floats:
         """(n, 3) poses given the keyframes' `poses` (m, 3): the wheels between them, bent to meet both ends."""
+        if not keyframes:
+            return np.zeros((0, 3))
         stamps, path = self.stamps_ns(), np.array(self._path, np.float64).reshape(-1, 4)
         kf_stamps = np.array([k.stamp_ns for k in keyframes], np.int64)
         kf_path = np.array([(*k.T_path_base.array(), k.path_m) for k in keyframes])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.wifi.fingerprints import FingerprintIndex
+from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
 
 NEAR_M = 2.0  # of path: shadowing is alike over this length
 MOVED_M = 0.25  # of path: fingerprints nearer than this repeat each other, as those of a robot that stands still do

@@ -1,175 +1,46 @@
-"""WiFi fingerprints and how similar they are.
+"""Fingerprints, and the loop candidates between two of them."""
 
-Similarity after Ismail et al. (arXiv 2206.08733): sim(i, j) = H / (L_i + L_j - H) times the mean over the H common
-access points of exp(-(f_i - f_j)^2 / 2 sigma^2). The paper prints a product in the place of the mean; over 40 access
-points a product is nearly zero for any pair, and its threshold of 0.3 could never hold. That is the sum of the
-exponentials over the common access points, divided by the number that either heard; here each access point counts in
-both by its weight, which is 1 until somebody knows better.
-"""
-
-import math
-import re
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from wayfi.frontends.events import DropReason
-from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.wifi.postings import LOWEST_DBM, Postings
-
-_BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
-_GROWTH = 2
-EXAMINED = 512  # candidates whose similarity is computed
-MOST_SIMILAR = 64
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.wifi.readings import Readings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Readings:
-    """The usable readings of one WiFi scan, strongest first where a BSSID repeats; and why others were dropped."""
+class Fingerprint:
+    """The mean of the scans over a stretch of path, placed at `T_keyframe_base` of `keyframe`."""
 
-    bssids: tuple[str, ...]
-    rssi: NDArray[np.float32]
-    age_s: NDArray[np.float32]
-    dropped: tuple[DropReason, ...]
+    number: int
+    stamp_ns: int
+    receiver: str
+    keyframe: int
+    T_keyframe_base: Pose2
+    point: PathPoint
+    readings: Readings
 
+    @property
+    def path_m(self) -> float:
+        """How far the robot had driven."""
+        return self.point.path_m
 
-def usable_readings(scan: WifiScan) -> Readings:
-    """Leave out malformed BSSIDs and RSSI outside of [-120, 0] dBm; of a repeated BSSID the strongest reading stays."""
-    kept: dict[str, tuple[float, float]] = {}
-    dropped = []
-    for bssid, rssi, age in zip(scan.bssids, scan.rssi.tolist(), scan.age_s.tolist(), strict=True):
-        if not _BSSID.fullmatch(bssid):
-            dropped.append(DropReason.MALFORMED_BSSID)
-        elif not -120.0 <= rssi <= 0.0:
-            dropped.append(DropReason.ABSURD_RSSI)
-        elif bssid not in kept or rssi > kept[bssid][0]:
-            kept[bssid] = (rssi, age if 0.0 <= age < math.inf else 0.0)
-    rssi_age = np.array(list(kept.values()), np.float32).reshape(-1, 2)
-    return Readings(tuple(kept), rssi_age[:, 0], rssi_age[:, 1], tuple(dropped))
+    @property
+    def place(self) -> Floats:
+        """(2,) m where it was taken, in its keyframe."""
+        return np.array([self.T_keyframe_base.x, self.T_keyframe_base.y])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heard:
-    """(n,) numbers of the access points that a fingerprint heard, rising, and their (n,) RSSI in dBm."""
+class WifiCandidate:
+    """Fingerprint `b` is similar to the earlier `a`: both are of one place, to `sigma_m` along each axis.
 
-    aps: NDArray[np.int32]
-    rssi: NDArray[np.float32]
+    `mutual` says whether b is the most similar to a of the places that neighbour b.
+    """
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Similar:
-    """(m,) `numbers` of fingerprints and their (m,) similarity to one, falling; of equals the earliest comes first."""
-
-    numbers: NDArray[np.int64]
-    similarity: NDArray[np.float64]
-
-
-class FingerprintIndex:
-    """Fingerprints 0, 1, ... and what each of them heard; access points are numbered as they are first heard."""
-
-    def __init__(self, sigma_db: float) -> None:
-        self.sigma_db = sigma_db
-        self.size = 0
-        self._numbers: dict[str, int] = {}
-        self._weights = np.ones(256)
-        self._starts = np.zeros(257, np.int64)
-        self._aps = np.empty(4096, np.int32)
-        self._rssi = np.empty(4096, np.float32)
-        self._postings = Postings(sigma_db)
-        self._posted = 0
-
-    def add(self, readings: Readings) -> int:
-        """Store a fingerprint; returns its number."""
-        aps = np.array([self._numbers.setdefault(b, len(self._numbers)) for b in readings.bssids], np.int32)
-        order = np.argsort(aps)
-        start, end = self._starts[self.size], self._starts[self.size] + len(aps)
-        self._reserve(int(end))
-        self._aps[start:end], self._rssi[start:end] = aps[order], readings.rssi[order]
-        self.size += 1
-        self._starts[self.size] = end
-        return self.size - 1
-
-    def heard(self, number: int) -> Heard:
-        """What fingerprint `number` heard."""
-        span = slice(self._starts[number], self._starts[number + 1])
-        return Heard(self._aps[span], self._rssi[span])
-
-    def weigh(self, aps: NDArray[np.int32], weights: NDArray[np.float64]) -> None:
-        """From here on the access points `aps` (n,) count by these (n,) `weights`, over 0."""
-        self._weights[aps] = weights
-
-    def similar(self, number: int, before: int) -> Similar:
-        """The `MOST_SIMILAR` fingerprints to fingerprint `number` of those below `before`, which is `number` at most.
-
-        The work is bounded however many are stored: only of the `EXAMINED` that share most the similarity is computed,
-        and `Postings` says what is left out of a long drive. Otherwise the result is exact down to exp(-2): where all
-        common access points differ by more than 2 sigma, two fingerprints are less similar than that.
-        """
-        while self._posted < before:
-            heard = self.heard(self._posted)
-            self._postings.add(self._posted, heard.aps, heard.rssi)
-            self._posted += 1
-        heard = self.heard(number)
-        weights = self._weights[heard.aps]
-        telling = np.argsort(-weights * (heard.rssi - LOWEST_DBM), kind="stable")
-        examined = self._postings.overlap(
-            heard.aps[telling], heard.rssi[telling], weights[telling], before, EXAMINED
-        ).numbers
-        similarity = self.similarities(np.array([number]), examined)[0]
-        best = np.argsort(-similarity, kind="stable")[:MOST_SIMILAR]
-        return Similar(examined[best], similarity[best])
-
-    def similarity(self, number: int) -> NDArray[np.float64]:
-        """(number,) similarity of fingerprint `number` to each earlier one."""
-        similarity: NDArray[np.float64] = self.similarities(np.array([number]), np.arange(number))[0]
-        return similarity
-
-    def similarities(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(rows, columns) similarity of each fingerprint of `rows` to each of `columns`."""
-        out = np.zeros((len(rows), len(columns)))
-        _similarities(out, rows, columns, self._aps, self._rssi, self._starts, self._weights, self.sigma_db)
-        return out
-
-    def _reserve(self, readings: int) -> None:
-        if readings > len(self._rssi):
-            self._aps = np.resize(self._aps, _GROWTH * readings)
-            self._rssi = np.resize(self._rssi, _GROWTH * readings)
-        if self.size + 2 > len(self._starts):
-            self._starts = np.resize(self._starts, _GROWTH * len(self._starts))
-        if len(self._numbers) > len(self._weights):
-            new = np.ones(_GROWTH * len(self._numbers) - len(self._weights))
-            self._weights = np.concatenate([self._weights, new])
-
-
-@njit(cache=True)
-def _similarities(
-    out: NDArray[np.float64],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    aps: NDArray[np.int32],
-    rssi: NDArray[np.float32],
-    starts: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    sigma_db: float,
-) -> None:
-    """Fills `out` (rows, columns)."""
-    scale = -0.5 / (sigma_db * sigma_db)
-    heard = np.full(weights.shape[0], np.nan, np.float32)
-    for r in range(rows.shape[0]):
-        own = 0.0
-        for i in range(starts[rows[r]], starts[rows[r] + 1]):
-            heard[aps[i]] = rssi[i]
-            own += weights[aps[i]]
-        for c in range(columns.shape[0]):
-            alike, either = 0.0, own
-            for i in range(starts[columns[c]], starts[columns[c] + 1]):
-                difference = heard[aps[i]] - rssi[i]
-                if np.isnan(difference):
-                    either += weights[aps[i]]
-                else:
-                    alike += weights[aps[i]] * math.exp(scale * difference * difference)
-            out[r, c] = alike / either if either > 0.0 else 0.0
-        for i in range(starts[rows[r]], starts[rows[r] + 1]):
-            heard[aps[i]] = np.nan
+    a: Fingerprint
+    b: Fingerprint
+    similarity: float
+    sigma_m: float
+    mutual: bool = False

@@ -15,9 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wayfi.frontends.wifi.readings import LOWEST_DBM
+
 Ints = NDArray[np.int32]
 
-LOWEST_DBM = -120.0
 STEPS_APART = 2  # access points heard more than two sigmas apart make no candidate
 MOST_OF_LIST = 4096
 ENOUGH = 100_000  # half a millisecond

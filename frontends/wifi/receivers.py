@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.readings import Readings
 
 PRIOR_SIGMA_DB = 4.0  # phones of one kind were seen 2 to 4 dB apart
 ONE_PLACE_M = 1.0  # of path: RSSI changes little over it, and fading is new after it

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.measurements import SECOND_NS, Sensor
-from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.readings import Readings
 
 MOST_READINGS = 256  # real receivers were seen to hear 130
 CLOCK_NS = 2 * SECOND_NS  # a metre at walking robots' half a metre per second: closures are to be good to 1.5 m

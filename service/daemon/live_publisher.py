@@ -39,7 +39,7 @@ class LivePublisher:
         except CodecError:
             return
         assert isinstance(odometry, Odometry)
-        pose = self._live.take(odometry)
+        pose = self._live.add(odometry)
         if pose is not None:
             self.publish(pose, received.received_s)
 

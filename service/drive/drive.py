@@ -5,7 +5,8 @@ from typing import Any
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import DropReason, Event, GraphUpdated, PosePublished, Verdict
 from wayfi.frontends.measurements import Measurement, Sensor
-from wayfi.frontends.pipeline import Pipeline, Result
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.result import Result
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError

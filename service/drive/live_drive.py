@@ -36,7 +36,7 @@ class LiveDrive:
         measurement = self.drive.decode(sensor, encoding, data)
         if measurement is None:
             return [], None
-        published = self._live.take(measurement) if isinstance(measurement, Odometry) else None
+        published = self._live.add(measurement) if isinstance(measurement, Odometry) else None
         try:
             return self.drive.process(measurement, published), published
         except Exception as error:
@@ -94,4 +94,4 @@ class LiveDrive:
         """The daemon was away, and begins with a live pose that knows nothing yet."""
         self._estimates.clear()
         self._live = LivePose(self.drive.config.odometry, self._wheels)
-        return self.drive.pipeline.go_on(seconds)
+        return self.drive.pipeline.resume(seconds)

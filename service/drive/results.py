@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.pipeline import Result
-from wayfi.frontends.wifi.wifi import Fingerprint
+from wayfi.frontends.result import Result
+from wayfi.frontends.wifi.fingerprints import Fingerprint
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.calibration_file import write_calibration
 from wayfi.recordings.files.g2o import write_g2o

@@ -10,7 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all
 from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, to_base, walls_seen
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
 from wayfi.frontends.scan_points import ScanPoints
-from wayfi.frontends.wifi.fingerprints import Readings, usable_readings
+from wayfi.frontends.wifi.readings import Readings, usable_readings
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.trajectory import Stamps, Trajectory
@@ -92,7 +92,7 @@ def _fingerprints(wifi: list[WifiScan], path: Trajectory) -> tuple[Stamps, list[
     """When each usable scan was heard, in the median of its readings, and what it heard; within the odometry's time."""
     heard = []
     for scan in wifi:
-        readings = usable_readings(scan)
+        readings, _ = usable_readings(scan)
         if readings.bssids:
             heard.append((scan.stamp_ns - int(float(np.median(readings.age_s)) * SECOND_NS), readings))
     heard = [scan for scan in heard if path.stamps_ns[0] <= scan[0] <= path.stamps_ns[-1]]

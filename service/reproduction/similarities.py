@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.frontends.wifi.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
+from wayfi.frontends.wifi.readings import Readings
 from wayfi.service.reproduction.messages import Progress
 
 SIGMA_DB = 6.0  # the paper's sigma^2 = 36 dB^2

@@ -23,8 +23,10 @@ from run import RESULTS, Case, chosen, commit, make, row, say
 from wayfi.frontends import slam
 from wayfi.frontends.measurements import LaserScan, Measurement
 from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.receivers import ReceiverOffset
-from wayfi.frontends.wifi.wifi import WifiCandidate, WifiConfig, WifiFrontend
+from wayfi.frontends.wifi.wifi_config import WifiConfig
+from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode

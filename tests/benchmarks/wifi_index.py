@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from run import RESULTS, commit, row, say
 
 from wayfi.frontends.wifi.access_points import AccessPoints
-from wayfi.frontends.wifi.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
+from wayfi.frontends.wifi.readings import Readings
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ def fingerprints(building: Building, places: Floats) -> Iterator[tuple[Floats, R
         rssi = mean[grid] + rng.normal(0.0, FADING_DB, building.aps)
         heard = np.flatnonzero((rssi > LOWEST_DBM) & (rng.random(building.aps) < HEARD_SHARE))
         rssi = np.clip(rssi[heard], LOWEST_DBM, 0.0).astype(np.float32)
-        yield places[grid], Readings(tuple(bssids[ap] for ap in heard), rssi, np.zeros(len(heard), np.float32), ())
+        yield places[grid], Readings(tuple(bssids[ap] for ap in heard), rssi, np.zeros(len(heard), np.float32))
         number += 1
 
 

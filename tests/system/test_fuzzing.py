@@ -27,7 +27,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.frontends.odometry.driven_path import FURTHEST_M
+from wayfi.frontends.odometry.accepted_odometry import FURTHEST_M
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.ros.codec import CodecError, decode, encode

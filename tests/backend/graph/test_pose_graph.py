@@ -12,7 +12,7 @@ from wayfi.backend.graph.factors import BetweenFactor, Factor, FactorError, Near
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, between_all, compose_all, wrap
-from wayfi.frontends.odometry.driven_path import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 
 PRIOR = calibration_prior(OdometryConfig())
 STEP = np.diag([0.02**2, 0.01**2, 0.01**2])

@@ -15,7 +15,7 @@ from wayfi.frontends.closures.consensus import (
     likelihood_ratio,
     weigh,
 )
-from wayfi.frontends.odometry.driven_path import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 
 PRIOR = calibration_prior(OdometryConfig())
 CONFIG = ConsensusConfig()

@@ -11,7 +11,8 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.closures.consensus import ConsensusConfig
 from wayfi.frontends.closures.wifi_closer import WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
-from wayfi.frontends.wifi.wifi import WifiCandidate, WifiConfig
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
+from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 SIGMA_M = 0.8
 

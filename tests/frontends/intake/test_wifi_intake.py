@@ -10,8 +10,9 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.intake.wifi_intake import EARLY_NS, WAIT_NS, WifiIntake
 from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.odometry.driven_path import DrivenPath, OdometryConfig
-from wayfi.frontends.wifi.readings_by_place import PlacedReadings
+from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.wifi.readings import PlacedWifiScan
 
 S = 1_000_000_000
 SPEED_M_S = 0.5
@@ -31,7 +32,7 @@ class Drive:
 
     path: DrivenPath = field(default_factory=lambda: DrivenPath(OdometryConfig()))
     intake: WifiIntake = field(default_factory=WifiIntake)
-    placed: list[PlacedReadings] = field(default_factory=list)
+    placed: list[PlacedWifiScan] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def odometry(self, second: float) -> None:
@@ -40,7 +41,7 @@ class Drive:
         self._sort(self.intake.ready(self.path))
 
     def hear(self, heard: WifiScan) -> None:
-        self._sort(self.intake.take(heard, 0, self.path.latest))
+        self._sort(self.intake.add(heard, 0, self.path.latest))
         self._sort(self.intake.ready(self.path))
 
     def finish(self) -> None:
@@ -53,9 +54,9 @@ class Drive:
         """When the scans that were placed had ended."""
         return [p.point.stamp_ns / S for p in self.placed if p.receiver == receiver]
 
-    def _sort(self, what: Iterable[PlacedReadings | Event]) -> None:
+    def _sort(self, what: Iterable[PlacedWifiScan | Event]) -> None:
         for one in what:
-            if isinstance(one, PlacedReadings):
+            if isinstance(one, PlacedWifiScan):
                 self.placed.append(one)
             else:
                 self.events.append(one)

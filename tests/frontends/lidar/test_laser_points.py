@@ -13,7 +13,8 @@ from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
-from wayfi.frontends.odometry.driven_path import DrivenPath, OdometryConfig
+from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.recordings.simulation.surfaces import box
 
 S = 1_000_000_000
@@ -91,7 +92,7 @@ def test_mounts_upright_and_upside_down_place_points_as_their_rotation_does(
 
 def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
     intake = ScanIntake(LidarConfig())
-    intake.take_transforms(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),)))
+    intake.add_transforms(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),)))
     points = intake.points(scan([2.0], angle_min=-math.pi / 2))
     np.testing.assert_allclose(points, [[0.5, 2.0]], atol=1e-6)
     assert intake.knows("laser")
@@ -100,7 +101,7 @@ def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
 
 def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
     intake = ScanIntake(LidarConfig(mount=[0.1, 0.2, math.pi / 2]))
-    intake.take_transforms(StaticTransforms(0, (mount((5.0, 5.0)),)))
+    intake.add_transforms(StaticTransforms(0, (mount((5.0, 5.0)),)))
     np.testing.assert_allclose(intake.points(scan([1.0])), [[0.1, 1.2]], atol=1e-6)
 
 
@@ -108,7 +109,7 @@ def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
     intake = ScanIntake(LidarConfig())
     nan = StaticTransform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     elsewhere = StaticTransform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    intake.take_transforms(StaticTransforms(0, (nan, elsewhere)))
+    intake.add_transforms(StaticTransforms(0, (nan, elsewhere)))
     assert not intake.knows("laser")
     np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)
 

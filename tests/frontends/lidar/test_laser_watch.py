@@ -41,7 +41,7 @@ class Drive:
 
     def see(self, scan: Sweep, late_ns: int = 0) -> None:
         self.scans += 1
-        taking = self.watch.take(self.scans * S, scan, late_ns)
+        taking = self.watch.add(self.scans * S, scan, late_ns)
         while True:
             try:
                 self.events.append(next(taking))

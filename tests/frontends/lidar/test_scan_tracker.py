@@ -10,7 +10,9 @@ from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_tracker import ScanTracker, Tracked
-from wayfi.frontends.odometry.driven_path import OdometryConfig, PathPoint, wheel_covariance
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 from wayfi.frontends.scan_points import ScanPoints
 
 LIDAR, ODOMETRY = LidarConfig(), OdometryConfig()

@@ -9,13 +9,10 @@ from hypothesis import strategies as st
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2, wrap
-from wayfi.frontends.odometry.driven_path import (
-    DrivenPath,
-    OdometryConfig,
-    calibration_prior,
-    keyframe_due,
-    wheel_covariance,
-)
+from wayfi.frontends.keyframes import keyframe_due
+from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
 CONFIG = OdometryConfig()
 S = 1_000_000_000

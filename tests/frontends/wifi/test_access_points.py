@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from wayfi.frontends.wifi.access_points import LEAST, AccessPoints
-from wayfi.frontends.wifi.fingerprints import FingerprintIndex, Readings
+from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
+from wayfi.frontends.wifi.readings import Readings
 
 Floats = NDArray[np.float64]
 
@@ -42,9 +43,7 @@ def faded(distance: Floats, rng: np.random.Generator) -> Floats:
 def readings(rssi: Floats) -> Readings:
     """One fingerprint of the (a,) levels of access points 0, 1, ...; NaN and what is weak is not heard."""
     heard = np.flatnonzero(rssi > HEARD_DBM)
-    return Readings(
-        tuple(bssid(n) for n in heard), rssi[heard].astype(np.float32), np.zeros(len(heard), np.float32), ()
-    )
+    return Readings(tuple(bssid(n) for n in heard), rssi[heard].astype(np.float32), np.zeros(len(heard), np.float32))
 
 
 class WatchedIndex(FingerprintIndex):

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from wayfi.frontends.wifi.postings import BLOCK, ENOUGH, LOWEST_DBM, MOST_OF_LIST, STEPS_APART, Overlap, Postings
+from wayfi.frontends.wifi.postings import BLOCK, ENOUGH, MOST_OF_LIST, STEPS_APART, Overlap, Postings
+from wayfi.frontends.wifi.readings import LOWEST_DBM
 
 SIGMA_DB = 6.0
 AT_MOST_READ = ENOUGH + (2 * STEPS_APART + 1) * MOST_OF_LIST

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.odometry.driven_path import PathPoint
-from wayfi.frontends.wifi.fingerprints import Readings
-from wayfi.frontends.wifi.readings_by_place import NEAR_M, TOGETHER_S, PlacedReadings, ReadingsByPlace
+from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings
+from wayfi.frontends.wifi.readings_by_place import NEAR_M, TOGETHER_S, ReadingsByPlace
 
 S = 1_000_000_000
 NEVER_NS = 10**18
@@ -23,16 +23,16 @@ def point(second: float, speed_m_s: float = SPEED_M_S) -> PathPoint:
 
 
 def readings(rssi: list[float], ages_s: list[float]) -> Readings:
-    return Readings(BSSIDS[: len(rssi)], np.array(rssi, np.float32), np.array(ages_s, np.float32), ())
+    return Readings(BSSIDS[: len(rssi)], np.array(rssi, np.float32), np.array(ages_s, np.float32))
 
 
 def add(by_place: ReadingsByPlace, second: float, ages_s: list[float], speed_m_s: float = SPEED_M_S) -> None:
     """A scan whose levels tell, in -dBm, where on the path the readings were taken."""
     taken_m = speed_m_s * (second - np.array(ages_s))
-    by_place.add("phone", point(second, speed_m_s), readings((-taken_m).tolist(), ages_s), taken_m)
+    by_place.add(PlacedWifiScan("phone", point(second, speed_m_s), readings((-taken_m).tolist(), ages_s), taken_m))
 
 
-def level_of(placed: PlacedReadings) -> dict[str, float]:
+def level_of(placed: PlacedWifiScan) -> dict[str, float]:
     return dict(zip(placed.readings.bssids, placed.readings.rssi.tolist(), strict=True))
 
 
@@ -93,7 +93,7 @@ def test_a_scan_is_ready_when_most_readings_of_its_place_have_come() -> None:
 def test_receivers_are_kept_apart() -> None:
     by_place = ReadingsByPlace()
     for receiver, level in (("one", -40.0), ("two", -60.0)):
-        by_place.add(receiver, point(30.0), readings([level] * 2, [0.0, 1.0]), np.array([15.0, 14.5]))
+        by_place.add(PlacedWifiScan(receiver, point(30.0), readings([level] * 2, [0.0, 1.0]), np.array([15.0, 14.5])))
     assert {p.receiver: set(p.readings.rssi.tolist()) for p in by_place.ready(NEVER_NS)} == {
         "one": {-40.0},
         "two": {-60.0},
@@ -102,14 +102,14 @@ def test_receivers_are_kept_apart() -> None:
 
 def test_readings_whose_place_is_not_known_count_nowhere() -> None:
     by_place = ReadingsByPlace()
-    by_place.add("phone", point(30.0), readings([-40.0, -50.0], [1.0, 50.0]), np.array([14.5, np.nan]))
+    by_place.add(PlacedWifiScan("phone", point(30.0), readings([-40.0, -50.0], [1.0, 50.0]), np.array([14.5, np.nan])))
     (placed,) = by_place.ready(NEVER_NS)
     assert placed.readings.bssids == BSSIDS[:1]
 
 
 def test_readings_too_old_to_have_a_place_hold_up_none() -> None:
     by_place = ReadingsByPlace()
-    by_place.add("phone", point(30.0), readings([-40.0, -50.0], [1.0, 1e6]), np.array([14.5, np.nan]))
+    by_place.add(PlacedWifiScan("phone", point(30.0), readings([-40.0, -50.0], [1.0, 1e6]), np.array([14.5, np.nan])))
     assert len(by_place.ready(31 * S)) == 1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.readings import Readings
 from wayfi.frontends.wifi.receivers import PRIOR_SIGMA_DB, ReceiverOffset, Receivers, stronger_differences
 from wayfi.recordings.simulation.run import start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
@@ -16,7 +16,7 @@ FADING_DB, DETECTION_DBM = 3.0, -92.0
 
 def readings(levels: Mapping[int, float]) -> Readings:
     rssi = np.array(list(levels.values()), np.float32)
-    return Readings(tuple(f"02:00:00:00:00:{n:02x}" for n in levels), rssi, np.zeros(len(rssi), np.float32), ())
+    return Readings(tuple(f"02:00:00:00:00:{n:02x}" for n in levels), rssi, np.zeros(len(rssi), np.float32))
 
 
 def heard(offset_db: float, rng: np.random.Generator, aps: int = 40) -> Readings:
@@ -148,4 +148,4 @@ def test_the_phones_of_a_simulated_drive_are_told_apart_to_a_decibel(seed: int) 
 
 
 def plain(scan: WifiScan) -> Readings:
-    return Readings(scan.bssids, scan.rssi, scan.age_s, ())
+    return Readings(scan.bssids, scan.rssi, scan.age_s)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
-from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.readings import Readings
 from wayfi.frontends.wifi.wifi_watch import CHANGE_M, CLOCK_NS, MOST_READINGS, SILENT, SILENT_S, WINDOWS, WifiWatch
 
 S = 1_000_000_000
@@ -17,7 +17,7 @@ CLOCK_SCANS = WINDOWS[DropReason.CLOCK_OFF][1]
 
 def readings(numbers: Iterable[int], rssi: Iterable[float]) -> Readings:
     bssids, levels = tuple(f"ap{n}" for n in numbers), np.array(list(rssi), np.float32)
-    return Readings(bssids, levels, np.zeros(len(bssids), np.float32), ())
+    return Readings(bssids, levels, np.zeros(len(bssids), np.float32))
 
 
 def sound(k: int, rng: np.random.Generator) -> Readings:
@@ -94,9 +94,7 @@ def test_a_driver_that_sends_every_channel_by_itself_is_never_refused() -> None:
     for k in range(100):
         whole = sound(k, drive.rng)
         for i in range(0, len(whole.bssids), 2):
-            drive.hear(
-                Readings(whole.bssids[i : i + 2], whole.rssi[i : i + 2], whole.age_s[i : i + 2], ()), step_m=0.02
-            )
+            drive.hear(Readings(whole.bssids[i : i + 2], whole.rssi[i : i + 2], whole.age_s[i : i + 2]), step_m=0.02)
     assert set(drive.refused) == {None}
     assert drive.warnings == []
 

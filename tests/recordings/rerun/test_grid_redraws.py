@@ -4,7 +4,8 @@ import numpy as np
 from drives import Simulated
 
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished
-from wayfi.frontends.pipeline import Pipeline, Result
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.result import Result
 from wayfi.service.config import load_config
 
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from wayfi.frontends.events import Event
-from wayfi.frontends.pipeline import Pipeline, Result
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.result import Result
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.recording import Record, open_recording

@@ -12,7 +12,7 @@ from rooms import CORRIDOR, HALL, see
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, wrap
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
 from wayfi.frontends.scan_points import ScanPoints
-from wayfi.frontends.wifi.fingerprints import Readings
+from wayfi.frontends.wifi.readings import Readings
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.reproduction.batch_graph import STEP_SIGMAS, optimise
@@ -36,7 +36,7 @@ def readings(rssi_dbm: Floats, least_dbm: float = -90.0) -> Readings:
     """A scan that hears access point i at `rssi_dbm[i]`, if that is strong enough."""
     heard = np.flatnonzero(rssi_dbm >= least_dbm)
     bssids = tuple(f"02:00:00:00:00:{i:02x}" for i in heard)
-    return Readings(bssids, rssi_dbm[heard].astype(np.float32), np.zeros(len(heard), np.float32), ())
+    return Readings(bssids, rssi_dbm[heard].astype(np.float32), np.zeros(len(heard), np.float32))
 
 
 def radio(places: Floats) -> list[Readings]:

@@ -3,13 +3,11 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfi.frontends.events import DropReason
-from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.wifi.fingerprints import EXAMINED, MOST_SIMILAR, FingerprintIndex, Readings, usable_readings
+from wayfi.frontends.wifi.fingerprint_index import EXAMINED, MOST_SIMILAR, FingerprintIndex
+from wayfi.frontends.wifi.readings import Readings
 
 SIGMA_DB = 6.0
 
@@ -27,7 +25,6 @@ def readings(levels: Levels) -> Readings:
         tuple(bssid(number) for number in levels),
         np.array(list(levels.values()), np.float32),
         np.zeros(len(levels), np.float32),
-        (),
     )
 
 
@@ -181,50 +178,3 @@ def test_access_points_never_heard_before_are_no_match() -> None:
     prints: list[Levels] = [dict.fromkeys(range(k, k + 8), -50.0) for k in range(0, 1000, 8)]
     index = index_of(prints)
     assert len(index.similar(len(prints) - 1, len(prints) - 1).numbers) == 0
-
-
-# What is usable of a scan
-
-
-def scan(bssids: list[str], rssi: list[float], age_s: list[float] | None = None) -> WifiScan:
-    ages = np.array(age_s or [0.0] * len(rssi), np.float32)
-    return WifiScan(0, "phone", tuple(bssids), np.array(rssi, np.float32), ages)
-
-
-@pytest.mark.parametrize(
-    "bad", ["", "aa:bb:cc:dd:ee", "AA:BB:CC:DD:EE:FF", "aa-bb-cc-dd-ee-ff", "aa:bb:cc:dd:ee:ff:00", "the office"]
-)
-def test_what_is_no_bssid_is_dropped(bad: str) -> None:
-    usable = usable_readings(scan([bad, bssid(1)], [-50.0, -60.0]))
-    assert usable.bssids == (bssid(1),)
-    assert usable.dropped == (DropReason.MALFORMED_BSSID,)
-
-
-@pytest.mark.parametrize("absurd", [0.1, 7.0, -120.1, math.nan, math.inf, -math.inf])
-def test_an_absurd_rssi_is_dropped(absurd: float) -> None:
-    usable = usable_readings(scan([bssid(0), bssid(1)], [absurd, -60.0]))
-    assert usable.bssids == (bssid(1),)
-    assert usable.dropped == (DropReason.ABSURD_RSSI,)
-
-
-def test_the_ends_of_the_range_are_in_it() -> None:
-    assert usable_readings(scan([bssid(0), bssid(1)], [0.0, -120.0])).dropped == ()
-
-
-def test_of_a_repeated_bssid_the_strongest_reading_stays_with_its_age() -> None:
-    usable = usable_readings(scan([bssid(0)] * 3, [-70.0, -50.0, -60.0], [1.0, 2.0, 3.0]))
-    assert usable.bssids == (bssid(0),)
-    assert usable.rssi.tolist() == [-50.0]
-    assert usable.age_s.tolist() == [2.0]
-    assert usable.dropped == ()
-
-
-def test_an_age_that_cannot_be_is_one_that_is_not_known() -> None:
-    usable = usable_readings(scan([bssid(n) for n in range(5)], [-50.0] * 5, [-1.0, math.nan, math.inf, 5.0, 1e6]))
-    assert usable.age_s.tolist() == [0.0, 0.0, 0.0, 5.0, 1e6]
-
-
-def test_a_scan_without_readings_is_empty() -> None:
-    usable = usable_readings(scan([], []))
-    assert usable.bssids == ()
-    assert usable.rssi.shape == usable.age_s.shape == (0,)

@@ -8,8 +8,11 @@ import pytest
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.odometry.driven_path import PathPoint
-from wayfi.frontends.wifi.fingerprints import Readings, Similar
-from wayfi.frontends.wifi.wifi import Fingerprint, WifiCandidate, WifiConfig, WifiFrontend
+from wayfi.frontends.wifi.fingerprint_index import Similar
+from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
+from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings
+from wayfi.frontends.wifi.wifi_config import WifiConfig
+from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 ACCESS_POINTS = np.random.default_rng(7).uniform(-30, 30, (40, 2))
 RADIUS_M = 8.0
@@ -23,7 +26,7 @@ def heard(xy: Floats, rng: np.random.Generator, sigma_db: float = 2.0) -> Readin
     rssi = -35 - 30 * np.log10(np.maximum(distance, 1.0)) + sigma_db * rng.standard_normal(len(distance))
     kept = np.flatnonzero(rssi > -85)
     names = tuple(f"02:00:00:00:00:{n:02x}" for n in kept)
-    return Readings(names, rssi[kept].astype(np.float32), np.zeros(len(kept), np.float32), ())
+    return Readings(names, rssi[kept].astype(np.float32), np.zeros(len(kept), np.float32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +37,14 @@ class Heard:
     poses: Floats
     candidates: list[WifiCandidate]
     released: list[WifiCandidate]
+
+
+def add(
+    wifi: WifiFrontend, receiver: str, point: PathPoint, readings: Readings, keyframe: int = 0, T: Pose2 | None = None
+) -> Fingerprint | None:
+    """A scan of fresh readings at `point`."""
+    taken_m = np.full(len(readings.bssids), point.path_m)
+    return wifi.add_scan(PlacedWifiScan(receiver, point, readings, taken_m), keyframe, T or Pose2())
 
 
 def drive(rounds: float, config: WifiConfig, seed: int = 0, step_m: float = 0.25) -> Heard:
@@ -48,7 +59,7 @@ def drive(rounds: float, config: WifiConfig, seed: int = 0, step_m: float = 0.25
         rest = Pose2() if k % 2 == 0 else Pose2(step_m, 0.0, step_m / RADIUS_M)
         point = PathPoint(k * S, truth, k * step_m)
         readings = heard(np.array([truth.x, truth.y]), rng)
-        fingerprint = wifi.add_scan(k * S, "phone", len(poses) - 1, rest, point, readings)
+        fingerprint = add(wifi, "phone", point, readings, len(poses) - 1, rest)
         if fingerprint is None:
             continue
         if candidate := wifi.candidate(fingerprint, wifi.similar(fingerprint)):
@@ -58,9 +69,9 @@ def drive(rounds: float, config: WifiConfig, seed: int = 0, step_m: float = 0.25
     return Heard(wifi, np.array(poses), candidates, released + wifi.released(at_end=True))
 
 
-def at(path_m: float) -> PathPoint:
+def at(path_m: float, stamp_ns: int = 0) -> PathPoint:
     """Somewhere on a straight path."""
-    return PathPoint(0, Pose2(path_m, 0.0, 0.0), path_m)
+    return PathPoint(stamp_ns, Pose2(path_m, 0.0, 0.0), path_m)
 
 
 def apart_m(candidate: WifiCandidate) -> float:
@@ -87,8 +98,8 @@ def test_a_fingerprint_is_the_mean_of_its_scans_without_what_was_heard_by_chance
     for k in range(8):
         names = ("a", "b", "chance") if k == 3 else ("a", "b")
         rssi = np.array([-50.0 - k, -70.0, -80.0][: len(names)], np.float32)
-        readings = Readings(names, rssi, np.zeros(len(names), np.float32), ())
-        done.append(wifi.add_scan(k * S, "phone", k, Pose2(), at(0.1 * k), readings))
+        readings = Readings(names, rssi, np.zeros(len(names), np.float32))
+        done.append(add(wifi, "phone", at(0.1 * k, k * S), readings, k))
     assert done[:-1] == [None] * 7
     fingerprint = done[-1]
     assert fingerprint is not None
@@ -99,26 +110,26 @@ def test_a_fingerprint_is_the_mean_of_its_scans_without_what_was_heard_by_chance
 
 def test_a_robot_that_stands_gets_one_fingerprint_of_each_receiver() -> None:
     wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
-    for k in range(200):
+    for _ in range(200):
         for receiver in ("phone", "tablet"):
-            wifi.add_scan(k * S, receiver, 0, Pose2(), at(3.0), heard(np.zeros(2), rng))
+            add(wifi, receiver, at(3.0), heard(np.zeros(2), rng))
     assert [f.receiver for f in wifi.fingerprints] == ["phone", "tablet"]
-    wifi.add_scan(200 * S, "phone", 0, Pose2(), at(3.1), heard(np.zeros(2), rng))
-    assert wifi.add_scan(201 * S, "phone", 0, Pose2(), at(3.7), heard(np.zeros(2), rng)) is not None
+    add(wifi, "phone", at(3.1), heard(np.zeros(2), rng))
+    assert add(wifi, "phone", at(3.7), heard(np.zeros(2), rng)) is not None
 
 
 def test_scans_far_apart_are_not_one_place() -> None:
     """A phone that scans each half minute; and one that falls silent for a while."""
     wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
     scans = {0.0: "phone", 5.0: "phone", 10.0: "phone", 60.0: "phone", 60.6: "phone"}
-    done = [wifi.add_scan(0, name, 0, Pose2(), at(m), heard(np.array([m, 0.0]), rng)) for m, name in scans.items()]
+    done = [add(wifi, name, at(m), heard(np.array([m, 0.0]), rng)) for m, name in scans.items()]
     assert [f and f.path_m for f in done] == [None, 0.0, 5.0, None, 60.6], "what lay in waiting for 50 m is too late"
 
 
 def test_a_fingerprint_that_comes_late_is_no_neighbours_earlier_place() -> None:
     wifi, rng = WifiFrontend(WifiConfig(), {}), np.random.default_rng(0)
     for k in range(400):
-        wifi.add_scan(k * S, "phone", k, Pose2(), at(0.25 * k), heard(np.array([0.25 * k, 0.0]), rng))
+        add(wifi, "phone", at(0.25 * k), heard(np.array([0.25 * k, 0.0]), rng), k)
         for f in wifi.fingerprints[-1:]:
             wifi.similar(f)
     late = wifi.fingerprints[-30]
@@ -128,13 +139,13 @@ def test_a_fingerprint_that_comes_late_is_no_neighbours_earlier_place() -> None:
 
 def test_receivers_gather_apart_and_too_few_access_points_name_no_place() -> None:
     wifi = WifiFrontend(WifiConfig(fingerprint_m=1.0, min_readings=2), {})
-    two, one = (Readings(tuple("ab"[:n]), np.full(n, -50, np.float32), np.zeros(n, np.float32), ()) for n in (2, 1))
-    assert wifi.add_scan(0, "phone", 0, Pose2(), at(0.0), two) is None
-    assert wifi.add_scan(0, "tablet", 0, Pose2(), at(0.9), one) is None
-    first = wifi.add_scan(S, "phone", 0, Pose2(), at(1.0), two)
+    two, one = (Readings(tuple("ab"[:n]), np.full(n, -50, np.float32), np.zeros(n, np.float32)) for n in (2, 1))
+    assert add(wifi, "phone", at(0.0), two) is None
+    assert add(wifi, "tablet", at(0.9), one) is None
+    first = add(wifi, "phone", at(1.0), two)
     assert first is not None
     assert first.receiver == "phone"
-    assert wifi.add_scan(2 * S, "tablet", 0, Pose2(), at(2.0), one) is None
+    assert add(wifi, "tablet", at(2.0), one) is None
     assert len(wifi.fingerprints) == 1
 
 
@@ -143,7 +154,7 @@ def test_nothing_is_proposed_before_similarity_has_a_meaning_nor_on_the_first_ro
     wifi = WifiFrontend(WifiConfig(min_path_m=1.0), {})
     rng = np.random.default_rng(0)
     for k in range(20):
-        fingerprint = wifi.add_scan(k * S, "phone", 0, Pose2(), at(0.5 * k), heard(np.zeros(2), rng))
+        fingerprint = add(wifi, "phone", at(0.5 * k), heard(np.zeros(2), rng))
         if fingerprint is not None:
             assert wifi.candidate(fingerprint, wifi.similar(fingerprint)) is None
     assert drive(0.9, WifiConfig()).candidates == []

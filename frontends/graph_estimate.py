@@ -1,0 +1,95 @@
+"""The pose graph's estimate as last updated, cached, so that nobody asks iSAM2 for what has not changed."""
+
+from typing import Any
+
+import numpy as np
+
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.health import Health, State, judge_health
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.events import CalibrationUpdated, Event, GraphUpdated, StateChanged
+from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE
+from wayfi.frontends.timer import Timer
+
+CALIBRATION_EVERY = 20  # keyframes between two events of the calibration: its sigmas cost a marginal each
+RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes: those whose scans it shares
+
+
+class GraphEstimate:
+    """Poses of the keyframes, the wheels' calibration (4,), the newest pose's covariance (3, 3), and its health."""
+
+    def __init__(
+        self, graph: PoseGraph, keyframes: Keyframes, calibration: Floats, config: BackendConfig, timer: Timer
+    ) -> None:
+        self._graph, self._keyframes, self._config, self._timer = graph, keyframes, config, timer
+        self._poses: Floats = np.zeros((64, 3))
+        self.calibration = calibration
+        self.covariance: Floats = ORIGIN_COVARIANCE
+        self._health: Health | None = None
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The poses are those of the graph, which has started again from its estimate."""
+        vars(self).update(state)
+        self.poses[:] = self._graph.poses()[: len(self._keyframes)]
+
+    @property
+    def poses(self) -> Floats:
+        """(n, 3) poses of all keyframes in `map`; a view, which later updates change."""
+        return self._poses[: len(self._keyframes)]
+
+    @property
+    def state(self) -> State:
+        """How far the newest pose can be trusted."""
+        return self._health.state if self._health else State.TRACKING
+
+    def append(self, guess: Pose2) -> None:
+        """Give the newest keyframe its first guess as pose."""
+        if len(self._keyframes) > len(self._poses):
+            self._poses = np.resize(self._poses, (2 * len(self._poses), 3))
+        self.poses[-1] = guess.array()
+
+    def update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
+        """Update the graph and read the estimate; `moved` says that earlier poses have moved already."""
+        moved = moved or self._graph.pending
+        with self._timer("backend"):
+            summary = self._graph.update()
+            if moved:
+                self.poses[:] = self._graph.poses()
+            else:
+                self._refresh_recent()
+            self.calibration = self._graph.calibration_values()
+        number = len(self._keyframes) - 1
+        poses = self.poses.copy() if moved else None
+        residual_m = self._step_residual_m()
+        return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
+
+    def observe(self, stamp_ns: int) -> list[Event]:
+        """Read the newest pose's covariance; returns what changed of its health, and now and then the calibration."""
+        events: list[Event] = []
+        number = len(self._keyframes) - 1
+        with self._timer("backend"):
+            self.covariance = self._graph.covariance(number)
+            if number % CALIBRATION_EVERY == 0:
+                calibration = self._graph.calibration()
+                events.append(CalibrationUpdated(stamp_ns, calibration.values, calibration.sigmas))
+        health = judge_health(self.covariance, self._config.uncertain_sigma_m, self._config.lost_sigma_m)
+        if self._health is None or health.state is not self._health.state:
+            events.append(StateChanged(stamp_ns, health.state, health.reason))
+        self._health = health
+        return events
+
+    def _refresh_recent(self) -> None:
+        n = len(self._keyframes)
+        for k in range(max(0, n - RECENT_KEYFRAMES), n):
+            self._poses[k] = self._graph.pose(k).array()
+
+    def _step_residual_m(self) -> float:
+        """Distance (m) between the newest step as estimated and as the calibrated wheels have it."""
+        if len(self._keyframes) < 2:
+            return 0.0
+        before, newest = self._keyframes[len(self._keyframes) - 2], self._keyframes[len(self._keyframes) - 1]
+        expected = before.point.motion_to(newest.point).corrected(self.calibration)
+        step = Pose2.of(self.poses[-2]).between(Pose2.of(self.poses[-1]))
+        return step.distance(expected)

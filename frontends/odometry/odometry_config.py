@@ -1,0 +1,41 @@
+"""The settings of wheel odometry: keyframes, and how wheels err."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.graph.wheel_calibration import WheelCalibration
+from wayfi.backend.options import option
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Keyframes, and how wheels err."""
+
+    keyframe_distance_m: float = option(0.5, "m", "a submap keeps its detail, 1 km stays 2,000 keyframes")
+    keyframe_turn_rad: float = option(0.5, "rad", "half of what a scan still overlaps when the view is 180 degrees")
+    keyframe_seconds: float = option(10.0, "s", "a robot that creeps or waits still gets one, if it moved at all")
+    keyframe_still_m: float = option(0.05, "m", "less motion than this is standing still")
+    max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
+    sigma_xy_per_sqrt_m: float = option(0.02, "m per sqrt(m)", "random part of the distance: 2 cm over 1 m")
+    sigma_theta_per_sqrt_m: float = option(0.003, "rad per sqrt(m)", "what real logs leave once the bias is known")
+    sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")
+    sigma_still_m: float = option(0.003, "m", "what standing still leaves open")
+    sigma_still_rad: float = option(0.002, "rad", "as above")
+    prior_distance_scale: float = option(0.01, "1", "closures that say '0 m apart' shrink the map where it is loose")
+    prior_turn_scale: float = option(0.03, "1", "the wheels' track as it is measured by hand")
+    prior_turn_bias_rad_per_m: float = option(0.03, "rad/m", "real robots were seen to turn 0.026 by themselves")
+    prior_turn_bias_rad_per_s: float = option(0.0005, "rad/s", "a gyroscope's bias; wheels have none")
+
+
+def calibration_prior(config: OdometryConfig) -> WheelCalibration:
+    """The wheels' calibration before anything is known of them: no error, with the configured sigmas."""
+    sigmas = np.array(
+        [
+            config.prior_distance_scale,
+            config.prior_turn_scale,
+            config.prior_turn_bias_rad_per_m,
+            config.prior_turn_bias_rad_per_s,
+        ]
+    )
+    return WheelCalibration(np.zeros(4), sigmas)

@@ -1,0 +1,29 @@
+"""The random part of what wheels say."""
+
+import numpy as np
+
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+
+DISCONTINUITY_COVARIANCE = np.diag([1.0, 1.0, 0.25])  # m², m², rad²: a robot that was pushed aside while it was off
+LEAST_VARIANCE_RAD2 = 1e-8  # keeps the covariance of a motion without any path positive definite
+
+
+def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_scale: float = 1.0) -> Floats:
+    """(3, 3) covariance of the random part of `motion` in (x, y, theta); `covariance_scale` multiplies it.
+
+    A heading error e that builds up along the way leaves e / 2 of the length to the side: hence the y, theta terms.
+    """
+    length = motion.path_m
+    var_xy = config.sigma_xy_per_sqrt_m**2 * length + config.sigma_still_m**2
+    var_theta = (
+        config.sigma_theta_per_sqrt_m**2 * length
+        + config.sigma_theta_per_sqrt_rad**2 * abs(motion.pose.theta)
+        + config.sigma_still_rad**2
+    )
+    x, y = motion.pose.x, motion.pose.y
+    lever = np.array([-0.5 * y, 0.5 * x, 1.0])
+    covariance: Floats = covariance_scale * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
+    covariance += np.diag([0.0, 0.0, LEAST_VARIANCE_RAD2]) + motion.discontinuities * DISCONTINUITY_COVARIANCE
+    return covariance

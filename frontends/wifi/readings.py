@@ -1,0 +1,66 @@
+"""The readings of a WiFi scan: which are usable, and where on the path they were taken."""
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.events import DropReason
+from wayfi.frontends.measurements import WifiScan
+from wayfi.frontends.odometry.driven_path import PathPoint
+
+LOWEST_DBM, HIGHEST_DBM = -120.0, 0.0  # below any receiver's noise, and above any transmitter next to it
+_BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """One reading for each of `bssids`: `rssi` (n,) dBm, and `age_s` (n,) before the scan's end (0: unknown)."""
+
+    bssids: tuple[str, ...]
+    rssi: NDArray[np.float32]
+    age_s: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedWifiScan:
+    """A scan of `receiver` that ended at `point` of the path; its readings were taken at `taken_m` (n,) of it.
+
+    `taken_m` is NaN where the path is no longer kept.
+    """
+
+    receiver: str
+    point: PathPoint
+    readings: Readings
+    taken_m: Floats
+
+
+def usable_readings(scan: WifiScan) -> tuple[Readings, list[DropReason]]:
+    """The readings with a well-formed BSSID and a possible RSSI, and why each other one is dropped.
+
+    Of a repeated BSSID the strongest reading stays. An age that is negative or not finite counts as unknown.
+    """
+    usable: dict[str, tuple[float, float]] = {}
+    dropped = []
+    for bssid, rssi, age in zip(scan.bssids, scan.rssi.tolist(), scan.age_s.tolist(), strict=True):
+        if not _BSSID.fullmatch(bssid):
+            dropped.append(DropReason.MALFORMED_BSSID)
+        elif not LOWEST_DBM <= rssi <= HIGHEST_DBM:
+            dropped.append(DropReason.ABSURD_RSSI)
+        elif bssid not in usable or rssi > usable[bssid][0]:
+            usable[bssid] = (rssi, age if 0.0 <= age < math.inf else 0.0)
+    rssi_age = np.array(list(usable.values()), np.float32).reshape(-1, 2)
+    return Readings(tuple(usable), rssi_age[:, 0], rssi_age[:, 1]), dropped
+
+
+def mean_readings(scans: list[Readings], least_scans: float = 0.0) -> Readings:
+    """The mean RSSI of each BSSID that was heard in `least_scans` or more of the scans; ages are no longer known."""
+    levels: dict[str, list[float]] = {}
+    for readings in scans:
+        for bssid, rssi in zip(readings.bssids, readings.rssi.tolist(), strict=True):
+            levels.setdefault(bssid, []).append(rssi)
+    mean = {bssid: sum(rssi) / len(rssi) for bssid, rssi in levels.items() if len(rssi) >= least_scans}
+    return Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32))

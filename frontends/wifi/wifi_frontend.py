@@ -1,0 +1,166 @@
+"""Scans into fingerprints of half a metre of path, and fingerprints that were heard before into loop candidates.
+
+A fingerprint is paired with the most similar earlier one. How far apart the two places may be is read off the robot's
+own path (see self_similarity), and the fingerprints around them decide whether they are each other's best: the sequence
+of Ismail et al. (arXiv 2206.08733) without its rigid motion, whose heading is wrong where the window is straight or was
+driven the other way.
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.wifi.access_points import AccessPoints
+from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex, Similar
+from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
+from wayfi.frontends.wifi.readings import PlacedWifiScan, mean_readings
+from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers
+from wayfi.frontends.wifi.self_similarity import REACH_M, SelfSimilarity
+from wayfi.frontends.wifi.wifi_config import WifiConfig
+
+_STILL_M = 0.02  # of path: odometry of a robot that stands jitters by less
+_LONGEST = 2  # times its usual length: scans further apart than this are fingerprints of their own
+_SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
+
+
+class _AnchoredScan(NamedTuple):
+    """A scan, and its place in the keyframe that was the newest when it was taken."""
+
+    scan: PlacedWifiScan
+    keyframe: int
+    T_keyframe_base: Pose2
+
+
+class WifiFrontend:
+    """Fingerprints as they come, and the loop candidates that they propose."""
+
+    def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset]) -> None:
+        self._config = config
+        self._index = FingerprintIndex(config.similarity_sigma_db)
+        self._access_points = AccessPoints(self._index)
+        self.receivers = Receivers(receivers)
+        self._open: dict[str, list[_AnchoredScan]] = {}
+        self._ended_m: dict[str, float] = {}
+        self._self_similarity = SelfSimilarity(config.near_m)
+        self._held: deque[WifiCandidate] = deque()
+        self._last_candidate_m = -math.inf
+        self._path_m = np.empty(64)
+        self._far = 0
+        self.fingerprints: list[Fingerprint] = []
+
+    def add_scan(self, scan: PlacedWifiScan, keyframe: int, T_keyframe_base: Pose2) -> Fingerprint | None:
+        """Add a scan taken at `T_keyframe_base` of `keyframe`; returns the fingerprint that it completes, if any.
+
+        While the robot stands, a receiver gets one fingerprint and no more.
+        """
+        receiver, point = scan.receiver, scan.point
+        if point.path_m - self._ended_m.get(receiver, -math.inf) < _STILL_M:
+            return None
+        anchored = _AnchoredScan(scan, keyframe, T_keyframe_base)
+        scans = self._open.setdefault(receiver, [])
+        length_m = point.path_m - scans[0].scan.point.path_m if scans else 0.0
+        if length_m > _LONGEST * self._config.fingerprint_m:
+            self._open[receiver] = [anchored]
+            return self._complete(receiver, scans) if length_m < REACH_M else None
+        scans.append(anchored)
+        if length_m < self._config.fingerprint_m and len(scans) < self._config.fingerprint_scans:
+            return None
+        del self._open[receiver]
+        self._ended_m[receiver] = point.path_m
+        return self._complete(receiver, scans)
+
+    def similar(self, fingerprint: Fingerprint) -> Similar:
+        """The most similar of the fingerprints that may close a loop; learns the path's self-similarity as well."""
+        own = [f for f in self._neighbouring(fingerprint.number, REACH_M) if f.receiver == fingerprint.receiver]
+        here = fingerprint.point.T_path_base
+        self._self_similarity.add(
+            self._similarities(fingerprint, own), np.array([here.distance(f.point.T_path_base) for f in own])
+        )
+        while self._path_m[self._far] <= fingerprint.path_m - self._config.min_path_m:
+            self._far += 1
+        return self._index.similar(fingerprint.number, self._far)
+
+    def candidate(self, b: Fingerprint, similar: Similar) -> WifiCandidate | None:
+        """The most similar earlier place for `b`, if it is similar enough to be near."""
+        if b.path_m - self._last_candidate_m < self._config.candidate_every_m or len(similar.numbers) == 0:
+            return None
+        a, similarity = self.fingerprints[int(similar.numbers[0])], float(similar.similarity[0])
+        if b.path_m - a.path_m < self._config.min_path_m:
+            return None  # of another receiver, whose fingerprints are late
+        distance = self._self_similarity.distance(similarity)
+        if distance.near < self._config.min_near:
+            return None
+        self._last_candidate_m = b.path_m
+        return WifiCandidate(a, b, similarity, _SIGMAS_OF_RMS * distance.rms_m)
+
+    def hold(self, candidate: WifiCandidate) -> None:
+        """Keep a candidate until the path after its later place has been driven as well."""
+        self._held.append(candidate)
+
+    def released(self, at_end: bool = False) -> list[WifiCandidate]:
+        """The held candidates whose neighbourhood has been driven by now; at the end, all of them."""
+        driven_m = math.inf if at_end else self.fingerprints[-1].path_m
+        released = []
+        while self._held and driven_m - self._held[0].b.path_m >= self._config.neighbouring_m:
+            candidate = self._held.popleft()
+            released.append(replace(candidate, mutual=self._is_mutual(candidate)))
+        return released
+
+    def confirm(self, candidate: WifiCandidate) -> None:
+        """Learn from two fingerprints that are believed to be of one place which access points agree."""
+        self._access_points.confirm(candidate.a.number, candidate.b.number)
+
+    def places(self, poses: Floats) -> Floats:
+        """(m, 3) poses of all fingerprints in `map`, given the keyframes' (n, 3)."""
+        return np.array([(Pose2.of(poses[f.keyframe]) @ f.T_keyframe_base).array() for f in self.fingerprints]).reshape(
+            -1, 3
+        )
+
+    def _complete(self, receiver: str, scans: list[_AnchoredScan]) -> Fingerprint | None:
+        readings = mean_readings([s.scan.readings for s in scans], self._config.heard_share * len(scans))
+        if len(readings.bssids) < self._config.min_readings:
+            return None
+        middle = scans[len(scans) // 2]
+        point = middle.scan.point
+        self.receivers.learn(receiver, point.path_m, readings)
+        number = self._index.add(self.receivers.corrected(receiver, readings))
+        fingerprint = Fingerprint(
+            number, point.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, point, readings
+        )
+        self._append(fingerprint)
+        self._access_points.learn(fingerprint.path_m)
+        return fingerprint
+
+    def _append(self, fingerprint: Fingerprint) -> None:
+        if fingerprint.number == len(self._path_m):
+            self._path_m = np.resize(self._path_m, 2 * len(self._path_m))
+        self._path_m[fingerprint.number] = fingerprint.path_m
+        self.fingerprints.append(fingerprint)
+
+    def _neighbouring(self, number: int, reach_m: float) -> list[Fingerprint]:
+        """The fingerprints within `reach_m` of path of fingerprint `number`, itself left out."""
+        path_m = self.fingerprints[number].path_m
+        first = number
+        while first > 0 and path_m - self._path_m[first - 1] <= reach_m:
+            first -= 1
+        last = number
+        while last + 1 < len(self.fingerprints) and self._path_m[last + 1] - path_m <= reach_m:
+            last += 1
+        return [f for f in self.fingerprints[first : last + 1] if f.number != number]
+
+    def _is_mutual(self, candidate: WifiCandidate) -> bool:
+        """Whether a is no more similar to any place neighbouring b than to b."""
+        neighbours = self._neighbouring(candidate.b.number, self._config.neighbouring_m)
+        *to_neighbours, to_b = self._similarities(candidate.a, [*neighbours, candidate.b])
+        return bool((np.array(to_neighbours) <= to_b).all())
+
+    def _similarities(self, fingerprint: Fingerprint, others: list[Fingerprint]) -> Floats:
+        """(n,) how similar it is to each of the others, as access points are weighed now."""
+        columns = np.array([f.number for f in others], np.int64)
+        similarities: Floats = self._index.similarities(np.array([fingerprint.number]), columns)[0]
+        return similarities
