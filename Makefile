@@ -1,30 +1,32 @@
-# make demo    installs into .venv and runs the main job on a simulated drive
+# make demo    installs into .venv, compiles what runs compiled, and runs the main job on a simulated drive
 # make test    installs into .venv and runs every check
 # make bench   prints accuracy and speed on the recordings of ../shared/data and on simulated ones
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := $(shell find service frontends backend recordings -name '*.py') pyproject.toml
+FACADE := $(wildcard service/library/*.py) service/library/py.typed
 
 export RERUN_ANALYTICS := 0
 
 .PHONY: demo test check bench clean
 
-demo: $(VENV)/installed
+demo: $(VENV)/compiled
 	$(BIN)/wayfi demo
 
-test: check
+test: check $(VENV)/compiled
 	$(BIN)/python -m pytest
 
 check: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
-	mkdir -p build/typing/wayfi
+	rm -rf build/typing && mkdir -p build/typing/wayfi
 	for part in service frontends backend recordings; do ln -sfn $(CURDIR)/$$part build/typing/wayfi/$$part; done
-	$(BIN)/mypy -p wayfi.backend -p wayfi.frontends -p wayfi.recordings -p wayfi.service
+	for file in $(FACADE); do ln -sfn $(CURDIR)/$$file build/typing/wayfi/; done
+	$(BIN)/mypy -p wayfi
 
-bench: $(VENV)/installed
+bench: $(VENV)/compiled
 	$(BIN)/python tests/benchmarks/run.py
 
 $(VENV)/locked: requirements.lock
@@ -35,6 +37,10 @@ $(VENV)/locked: requirements.lock
 $(VENV)/installed: $(VENV)/locked $(SOURCES)
 	rm -rf build/lib build/bdist.*
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall .
+	touch $@
+
+$(VENV)/compiled: $(VENV)/installed
+	$(BIN)/wayfi warm-up
 	touch $@
 
 clean:

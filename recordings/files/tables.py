@@ -81,6 +81,19 @@ def read_closures(path: Path) -> list[ClosureRow]:
         raise TableError(f"{path}: no closures can be read ({reason})") from error
 
 
+def closure_row(verdict: ClosureJudged) -> ClosureRow:
+    """The row of a candidate with this last verdict."""
+    covariance, T_a_b = np.array(verdict.covariance, float), verdict.T_a_b
+    if not verdict.heading_claimed:
+        T_a_b = Pose2(T_a_b.x, T_a_b.y, 0.0)
+        covariance[2, :] = covariance[:, 2] = math.nan
+    return ClosureRow(
+        verdict.stamp_a_ns, verdict.stamp_b_ns, verdict.kind, verdict.proposed_by, verdict.similarity,
+        verdict.residual_m, verdict.inlier_ratio, T_a_b, covariance, verdict.heading_claimed, verdict.verdict,
+        verdict.reason,
+    )  # fmt: skip
+
+
 def write_radio(path: Path, places: Iterable[RadioPlace]) -> None:
     """One row a reading, in the order given."""
     _write_table(path, RADIO_COLUMNS, (words for place in places for words in _radio_words(place)))

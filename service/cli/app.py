@@ -139,15 +139,9 @@ def simulate(
         with output.progress(f"simulate {world}") as progress:
             made = simulate(World(world), out, seed, minutes, progress, rough, points)
         output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
-        output.result(
-            {
-                "recording": str(made.recording),
-                "truth": str(made.truth),
-                "seconds": made.duration_s,
-                "metres": made.path_length_m,
-                "messages": made.messages,
-            }
-        )
+        files = {"recording": str(made.recording), "truth": str(made.truth)}
+        figures = {"seconds": made.duration_s, "metres": made.path_length_m, "messages": made.messages}
+        output.result(files | figures)
 
 
 @app.command()
@@ -262,6 +256,15 @@ def view(
 
         view(path, web)
         output.result({"viewed": str(path)})
+
+
+@app.command(name="warm-up")
+def compile_all(quiet: Quiet = False, as_json: Json = False) -> None:
+    """Compile what runs compiled, once after installation; else the first replay or run does it."""
+    with _output(quiet, as_json) as output:
+        from wayfi.service.cli.warm_up import run_warm_up
+
+        run_warm_up(output)
 
 
 @app.command(name="config")

@@ -18,7 +18,7 @@ from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.command_handler import CommandHandler
 from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.daemon.estimation import Estimation
-from wayfi.service.daemon.estimator_messages import Finish, News, Ready, Report, Saved, Start, Written
+from wayfi.service.daemon.estimator_messages import Compiling, Finish, News, Ready, Report, Saved, Start, Written
 from wayfi.service.daemon.live_publisher import LivePublisher
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.counters import Drops, merged
@@ -155,6 +155,8 @@ class Daemon:
 
     def _take_report(self, report: Report) -> None:
         match report:
+            case Compiling():
+                self._log.info("compiling", functions=report.functions, text="once; about half a minute")
             case Ready():
                 self._be_ready(report)
             case News():

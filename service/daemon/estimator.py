@@ -18,7 +18,7 @@ from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChang
 from wayfi.recordings.files.map_files import write_drawn
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
-from wayfi.service.daemon.estimator_messages import Finish, News, Ready, Save, Saved, Start, Written
+from wayfi.service.daemon.estimator_messages import Compiling, Finish, News, Ready, Save, Saved, Start, Written
 from wayfi.service.daemon.live_log import LiveLog
 from wayfi.service.daemon.recovery import recover
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
@@ -26,6 +26,7 @@ from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
 from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.process.compilation import watch_compilation
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.queues import Received
 
@@ -71,8 +72,13 @@ class Estimator:
         if start.resumes:
             back = recover(start.folder, start.config, start.calibration, self._log)
             return back.live, Ready(back.live.checkpoints, back.replayed, back.whole)
-        warm_up(start.config)
+        with watch_compilation(self._tell_compiling):
+            warm_up()
         return LiveDrive(start.config, start.calibration, self._log), Ready(0, 0, whole=True)
+
+    def _tell_compiling(self, number: int, total: int) -> None:
+        if number == 1:
+            self._outgoing.send(Compiling(total))
 
     def _checkpoint(self, number: int) -> None:
         try:

@@ -23,6 +23,13 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
+class Compiling:
+    """The estimation is not ready for as long as it compiles `functions`, which were not compiled on this machine."""
+
+    functions: int
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """The estimation takes messages from now on; nothing that was fed to the drive so far is missing if it is `whole`.
 
@@ -74,4 +81,4 @@ class News:
 
 
 Request = Save | Finish
-Report = Ready | News | Saved | Written
+Report = Compiling | Ready | News | Saved | Written

@@ -36,6 +36,11 @@ class Drive:
         measurement = self.decode(sensor, encoding, data)
         return [] if measurement is None else self.process(measurement)
 
+    def add(self, sensor: Sensor, measurement: Measurement) -> list[Event]:
+        """Count and process one measurement that came decoded; returns what became known by it, still to be shown."""
+        self.counters.messages[self.topics[sensor]] += 1
+        return self.process(measurement)
+
     def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | None:
         """Count one message and decode it; None where it says nothing."""
         topic = self.topics[sensor]

@@ -48,7 +48,7 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", result.calibration)
         write_map(directory, result.grid, drive.config.map, result.final[:, :2])
-    report = _report(drive, source) | dict(extra or {})
+    report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
 
@@ -93,7 +93,8 @@ def _peak_memory_mb() -> float:
     return (own_kb + logging_kb) / 1024
 
 
-def _report(drive: Drive, source: Source) -> dict[str, Any]:
+def report_of(drive: Drive, source: Source) -> dict[str, Any]:
+    """What report.json says of a drive."""
     counters = drive.counters
     return {
         "messages": dict(counters.messages),

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from wayfi.service.process.compilation import watch_compilation
+
 
 @dataclass(frozen=True)
 class Output:
@@ -22,12 +24,23 @@ class Output:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float], None]]:
-        """A bar on stderr while something long runs; call what this yields with the fraction done, 0 to 1."""
-        silent = self.quiet or self.as_json or not self._err.is_terminal
+        """A bar on stderr while something long runs; call what this yields with the fraction done, 0 to 1.
+
+        While numba compiles, the bar says so; without a terminal one line does.
+        """
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self._err, transient=True, disable=silent) as bar:
+        heard = not (self.quiet or self.as_json)
+        drawn = heard and self._err.is_terminal
+        with Progress(*columns, console=self._err, transient=True, disable=not drawn) as bar:
             task = bar.add_task(title, total=1.0)
-            yield lambda fraction: bar.update(task, completed=fraction)
+
+            def tell(number: int, total: int) -> None:
+                bar.update(task, description=f"compiling, once: {number} of {total}")
+                if heard and not drawn and number == 1:
+                    self._err.print(f"compiling {total} functions, once: about half a minute", soft_wrap=True)
+
+            with watch_compilation(tell):
+                yield lambda fraction: bar.update(task, description=title, completed=fraction)
 
     def say(self, text: str) -> None:
         """A line for a person."""

@@ -1,12 +1,16 @@
 """SIGINT and SIGTERM as something to look at between two messages."""
 
 import signal
+from threading import current_thread, main_thread
 from types import FrameType, TracebackType
 from typing import Self
 
 
 class StopSignal:
-    """While entered, the first SIGINT or SIGTERM sets `requested` and `name`; further ones change nothing."""
+    """While entered, the first SIGINT or SIGTERM sets `requested` and `name`; further ones change nothing.
+
+    In another thread than the main one, which alone may handle signals, nothing is set.
+    """
 
     def __init__(self) -> None:
         self.requested = False
@@ -14,7 +18,7 @@ class StopSignal:
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM) if current_thread() is main_thread() else ():
             self._before[number] = signal.signal(number, self._take)
         return self
 

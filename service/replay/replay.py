@@ -73,7 +73,7 @@ def replay(
     replayer = _replayer(recording, config, calibration, log)
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
-            warm_up(config)  # else the first tenth of the drive would pay for what is loaded once
+            warm_up()  # else the first tenth of the drive would pay for what is loaded once
             _play_all(recording, replayer, options.rate, progress, stop)
         drive = replayer.drive
         result = drive.finish()

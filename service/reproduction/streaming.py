@@ -29,7 +29,7 @@ class StreamingRun:
 def run_streaming(recording_path: Path, laser: bool, progress: Progress) -> StreamingRun:
     """Feed a recording to the streaming service with its defaults, with the `laser` or with the laser off."""
     config = config_of({"lidar": {"enabled": laser}})
-    warm_up(config)
+    warm_up()
     start = time.perf_counter()
     drive = Drive(config, None, NullLog())
     for message in sensor_messages(recording_path, progress):

@@ -17,7 +17,7 @@ from wayfi.service.config import Config, config_dict
 
 PROMISED = {
     *("demo", "replay", "run", "localize", "view", "evaluate", "simulate", "inspect", "publish", "record", "import"),
-    *("reproduce", "config"),
+    *("reproduce", "config", "warm-up"),
 }
 SHORT = ("simulate", "office", "--minutes", "0.1", "--out")
 

@@ -1,0 +1,70 @@
+"""What a drive has come to: of a `Slam` that has finished, or read from the folder of a replay."""
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from wayfi.backend.errors import WayfiError
+from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.files.calibration_file import read_calibration
+from wayfi.recordings.files.tables import ClosureRow, read_closures
+from wayfi.recordings.files.trinary_grid import TrinaryGrid, read_map
+from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.trajectory import Trajectory
+
+
+class ResultError(WayfiError):
+    """A folder that no result can be read from, or written to."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """A whole drive, as believed at its end.
+
+    `trajectory` is the final estimate and `online` what was published on the way, at the same stamps; `closures` has
+    one row for each loop candidate with its verdict; `report` is what report.json holds.
+    """
+
+    trajectory: Trajectory
+    online: Trajectory
+    closures: Sequence[ClosureRow]
+    grid: TrinaryGrid
+    calibration: Calibration
+    report: dict[str, Any]
+    _write: Callable[[Path], object] = field(repr=False)
+
+    def save(self, directory: str | Path) -> None:
+        """Write the files that `wayfi replay` leaves into `directory`, which is made if need be. Raises ResultError."""
+        out = Path(directory)
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            self._write(out)
+        except OSError as error:
+            raise ResultError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+
+
+def load_result(directory: str | Path) -> Result:
+    """The result in the folder of a replay or of `save`. Raises WayfiError where a file is missing or is another."""
+    folder = Path(directory)
+    return Result(
+        read_tum(folder / "trajectory.tum"),
+        read_tum(folder / "online.tum"),
+        read_closures(folder / "closures.csv"),
+        read_map(folder),
+        read_calibration(folder / "calibration.toml"),
+        _read_report(folder / "report.json"),
+        lambda out: out.samefile(folder) or shutil.copytree(folder, out, dirs_exist_ok=True),
+    )
+
+
+def _read_report(path: Path) -> dict[str, Any]:
+    try:
+        report: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ResultError(f"{path}: is no report of wayfi: {error}") from None
+    return report
