@@ -89,6 +89,13 @@ class Pipeline:
         """The events with which a new log begins: every keyframe at its present pose, and the grid."""
         return self._slam.history(self._stamp_ns)
 
+    def resume(self, seconds: float) -> list[Event]:
+        """Go on after `seconds` without measurements; a new estimate is due."""
+        self._estimated = (-1, 0)
+        self._path.go_on()
+        text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
+        return [Warned(self._stamp_ns, text)]
+
     @property
     def _path(self) -> DrivenPath:
         return self._odometry.path
@@ -96,13 +103,6 @@ class Pipeline:
     @property
     def _stamp_ns(self) -> int:
         return self._path.latest.stamp_ns if self._path.latest else 0
-
-    def resume(self, seconds: float) -> list[Event]:
-        """Go on after `seconds` without measurements; a new estimate is due."""
-        self._estimated = (-1, 0)
-        self._path.go_on()
-        text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
-        return [Warned(self._stamp_ns, text)]
 
     def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
         stamped = self._odometry.stamp(m)

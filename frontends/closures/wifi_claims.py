@@ -10,7 +10,7 @@ from wayfi.frontends.closures.consensus import ConsensusConfig, Pairs
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
-SHOWN = 40  # pairs of a sequence that are shown at most: 20 m of path of one receiver
+SHOWN = 40  # pairs of a sequence, to bound an event: 20 m of path of one receiver
 
 
 @dataclass(slots=True)

@@ -34,7 +34,7 @@ TEXTS = {
     FEW_RETURNS: "few of its beams return (glass, dirt, or a place wider than its range)",
     LATE: f"its scans are {LATE_NS / SECOND_NS} s and more behind the odometry: they come late, or its clock is slow",
 }
-FAULTS = {
+RULES = {
     BLOCKED: Fault(FAULTY, WINDOW, "it sees again"),
     FEW_RETURNS: Fault(FAULTY, WINDOW, "its beams return again"),
     LATE: Fault(FAULTY, WINDOW, "its scans come in time again"),
@@ -45,7 +45,7 @@ class LaserWatch:
     """Watches the laser that is used, in bounded memory."""
 
     def __init__(self) -> None:
-        self._complaints = Complaints("{}", FAULTS, SILENT_S)
+        self._complaints = Complaints("{}", RULES, SILENT_S)
         self._ceiling = Ceiling()
 
     def add(self, stamp_ns: int, sweep: Sweep, late_ns: int) -> Generator[Event, None, Sweep | None]:

@@ -15,7 +15,7 @@ from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
-ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m^2, rad^2: 0 by definition, but to stay positive definite
+ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m^2, rad^2: 0 by definition, kept positive definite
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,7 @@ Ints = NDArray[np.int32]
 STEPS_APART = 2  # of RSSI, one sigma each: levels further apart add less than exp(-2) to a similarity
 MOST_OF_LIST = 4096  # postings: every fingerprint of 2 km of path
 ENOUGH = 100_000  # postings: half a millisecond, so that a search takes 1 to 3 ms among 100,000 fingerprints
-BLOCK = 32  # postings: an access point is heard over some ten metres, and a list that it leaves half full wastes 64 B
+BLOCK = 32  # postings: an access point is heard over some ten metres; a last block half empty wastes 64 bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +116,29 @@ def _overlap(
     chains: _Chains,
     common: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], int]:
-    """Sums what each fingerprint has in common in `common` (fingerprints,), which is all zeros before and after."""
+    """The numbers, and the postings read; `common` (fingerprints,) is all zeros before and after."""
+    met, read = _sum_common(aps, steps, weights, before, chains, common)
+    best = [(0.0, 0) for _ in range(0)]
+    for number in met:
+        entry = (common[number], -number)
+        common[number] = 0.0
+        if len(best) < most:
+            heapq.heappush(best, entry)
+        elif entry > best[0]:
+            heapq.heapreplace(best, entry)
+    return np.sort(np.array([-number for _, number in best], np.int64)), read
+
+
+@njit(cache=True)
+def _sum_common(
+    aps: Ints,
+    steps: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    before: int,
+    chains: _Chains,
+    common: NDArray[np.float64],
+) -> tuple[Ints, int]:
+    """Adds to `common` what each fingerprint has in common; returns these fingerprints, and the postings read."""
     newest, blocks, filled, older = chains
     met = np.empty(ENOUGH + (2 * STEPS_APART + 1) * MOST_OF_LIST, np.int32)
     count, read = 0, 0
@@ -137,12 +159,4 @@ def _overlap(
                         common[number] += shared
                 left -= filled[block]
                 block = older[block]
-    best = [(0.0, 0) for _ in range(0)]
-    for number in met[:count]:
-        entry = (common[number], -number)
-        common[number] = 0.0
-        if len(best) < most:
-            heapq.heappush(best, entry)
-        elif entry > best[0]:
-            heapq.heapreplace(best, entry)
-    return np.sort(np.array([-number for _, number in best], np.int64)), read
+    return met[:count], read

@@ -16,7 +16,7 @@ from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, mean_of_leve
 from wayfi.frontends.wifi.wifi_config import ByPlaceConfig
 
 KEPT_NS = 30 * SECOND_NS  # before a scan: bounds what a robot that stands still gathers
-MOST_KEPT = 500  # scans of a receiver, to bound memory: 30 s of one that sends each of 16 channels by itself
+MOST_KEPT = 500  # scans of a receiver, to bound memory: 30 s of a driver that sends each channel by itself
 
 
 @dataclass(slots=True)

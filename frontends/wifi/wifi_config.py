@@ -70,7 +70,9 @@ class WifiConfig:
 
     enabled: bool = option(True, "", "false runs on wheels and LiDAR alone")
     first_pose_s: float = option(5.0, "s", "a scan before the first pose waits so long for it: sensors start in turn")
-    odometry_s: float = option(30.0, "s", "a later scan waits so long for the odometry to go on: as long as path_s")
+    odometry_s: float = option(
+        30.0, "s", "a later one waits so long for odometry to go on, as odometry.path_s keeps the path"
+    )
     similarity_sigma_db: float = option(6.0, "dB", "the paper's sigma^2 = 36 dB^2")
     fingerprint_m: float = option(0.5, "m", "the mean over half a metre beats single scans, which fade")
     fingerprint_scans: int = option(20, "", "a robot that stands still needs no more for one mean")
