@@ -1,1 +1,1 @@
-"""From measurements to an estimate: what the sensors say becomes factors and closures. Pure: no clock, no files."""
+"""From measurements to an estimate, by factors and loop closures. Pure: it reads no clock and no files."""

@@ -1,4 +1,4 @@
-"""What a drive has learnt of the robot's own sensors, for the next one to start with."""
+"""The calibration of a robot's sensors as estimated on one drive: a prior for the next."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from wayfi.frontends.wifi.receivers import ReceiverOffset
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The wheels', and the offset of each WiFi receiver by its name, the reference first."""
+    """The calibration of the wheels, and the offset of each WiFi receiver by its name, the reference first."""
 
     wheels: WheelCalibration
     receivers: Mapping[str, ReceiverOffset]

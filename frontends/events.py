@@ -1,4 +1,4 @@
-"""What the pipeline believes and decides, as it happens: frozen values for whoever logs, publishes or draws.
+"""What the pipeline estimates and decides, as it happens: frozen values to log, publish or draw.
 
 Arrays in events are never changed after they are handed out.
 """
@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.health import State
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.measurements import Sensor
-
-Floats = NDArray[np.float64]
 
 
 class DropReason(StrEnum):
@@ -104,7 +102,7 @@ class SubmapMatched:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerprintAdded:
-    """A WiFi scan found its place: `similarity` (m,) of this fingerprint to the earlier ones `similar_to` (m,).
+    """A fingerprint was completed: its `similarity` (m,) to the earlier ones `similar_to` (m,).
 
     The place is `T_keyframe_base` (m, rad) in the frame of `keyframe`.
     """
@@ -124,7 +122,7 @@ class FingerprintAdded:
 class SequenceMatched:
     """The two sequences of a WiFi candidate: (n, 2) m `points_a` and `points_b`, paired row by row.
 
-    They are in `map`, as believed then.
+    They are in `map`, by the estimate at that time.
     """
 
     stamp_ns: int
@@ -157,8 +155,8 @@ class CheckDone:
 class ClosureJudged:
     """The verdict on a loop candidate between keyframes a (earlier) and b; one row of closures.csv.
 
-    `covariance` is (3, 3) of T_a_b in (x, y, theta) of a, m and rad; `heading_claimed` False leaves theta unsaid.
-    `closure` numbers candidates from 0; a REMOVED verdict repeats the number of the ACCEPTED one it takes back.
+    `covariance` is (3, 3) of T_a_b in (x, y, theta) of a, m and rad; without `heading_claimed`, theta is not claimed.
+    `closure` numbers candidates from 0; a REMOVED verdict repeats the number of the ACCEPTED one that it replaces.
     """
 
     closure: int
@@ -211,7 +209,7 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A measurement, or a reading of one, that was not used."""
+    """A measurement, or a reading of a WiFi scan, that was not used."""
 
     sensor: Sensor
     stamp_ns: int
@@ -220,7 +218,7 @@ class Dropped:
 
 @dataclass(frozen=True, slots=True)
 class Warned:
-    """Something a person should know: it goes to the report and the log.
+    """A warning for the report and the log.
 
     A `complaint` (`receiver.fault`) lasts, and stands in the status, until a warning of the same name `ends` it.
     """

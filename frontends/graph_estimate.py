@@ -1,4 +1,4 @@
-"""The pose graph's estimate as last updated, cached, so that nobody asks iSAM2 for what has not changed."""
+"""The pose graph's estimate as last updated, cached: iSAM2 is read only for what has changed."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE
 from wayfi.frontends.timer import Timer
 
-CALIBRATION_EVERY = 20  # keyframes between two events of the calibration: its sigmas cost a marginal each
-RECENT_KEYFRAMES = 3  # that a new keyframe moves where no loop closes: those whose scans it shares
+CALIBRATION_EVERY = 20  # keyframes between two events: they are drawn alone, and the sigmas cost a marginal each
+RECENT_KEYFRAMES = 3  # read after a keyframe without a closure: its factors hardly move those further back
 
 
 class GraphEstimate:
@@ -30,7 +30,7 @@ class GraphEstimate:
         self._health: Health | None = None
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """The poses are those of the graph, which has started again from its estimate."""
+        """Restore from a checkpoint; the poses are read again, since the graph restarts from its estimate."""
         vars(self).update(state)
         self.poses[:] = self._graph.poses()[: len(self._keyframes)]
 
@@ -41,7 +41,7 @@ class GraphEstimate:
 
     @property
     def state(self) -> State:
-        """How far the newest pose can be trusted."""
+        """TRACKING, UNCERTAIN or LOST, by the newest pose's covariance."""
         return self._health.state if self._health else State.TRACKING
 
     def append(self, guess: Pose2) -> None:
@@ -51,7 +51,7 @@ class GraphEstimate:
         self.poses[-1] = guess.array()
 
     def update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
-        """Update the graph and read the estimate; `moved` says that earlier poses have moved already."""
+        """Update the graph and read the estimate; `moved`: poses of earlier keyframes have changed."""
         moved = moved or self._graph.pending
         with self._timer("backend"):
             summary = self._graph.update()
@@ -66,7 +66,7 @@ class GraphEstimate:
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 
     def observe(self, stamp_ns: int) -> list[Event]:
-        """Read the newest pose's covariance; returns what changed of its health, and now and then the calibration."""
+        """Read the newest pose's covariance; returns a change of its health, and now and then the calibration."""
         events: list[Event] = []
         number = len(self._keyframes) - 1
         with self._timer("backend"):
@@ -86,7 +86,7 @@ class GraphEstimate:
             self._poses[k] = self._graph.pose(k).array()
 
     def _step_residual_m(self) -> float:
-        """Distance (m) between the newest step as estimated and as the calibrated wheels have it."""
+        """Distance (m) between the end of the newest step as estimated and by the calibrated wheels."""
         if len(self._keyframes) < 2:
             return 0.0
         before, newest = self._keyframes[len(self._keyframes) - 2], self._keyframes[len(self._keyframes) - 1]

@@ -14,7 +14,7 @@ from wayfi.frontends.scan_points import ScanPoints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
-    """A base pose kept in the graph. `scan` is None where the laser saw nothing, or where there is none."""
+    """A base pose kept in the graph. `scan` is None where there is no laser, or none of its beams returned."""
 
     point: PathPoint
     scan: ScanPoints | None
@@ -44,12 +44,12 @@ class Keyframes:
         self._keyframes.append(keyframe)
 
     def forget_scans(self) -> None:
-        """Keep where the keyframes stand, and none of their scans."""
+        """Remove the scans of all keyframes."""
         self._keyframes = [Keyframe(keyframe.point, None) for keyframe in self._keyframes]
         self._has_scan[:] = False
 
     def before(self, stamp_ns: int) -> int:
-        """The newest keyframe that is no later than a recent moment; the first where none is."""
+        """The newest keyframe that is no later than `stamp_ns`, which is recent; the first where none is."""
         number = len(self) - 1
         while number > 0 and self[number].point.stamp_ns > stamp_ns:
             number -= 1
@@ -76,11 +76,11 @@ class Keyframes:
 
 
 def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:
-    """Whether `motion` since the last keyframe asks for a new one; `factor` stretches the distances."""
+    """Whether a new keyframe is due after `motion` since the last one; `factor` multiplies the limits."""
     if motion.discontinuities:
         return True
     turned = abs(motion.pose.theta)
     if motion.path_m >= factor * config.keyframe_distance_m or turned >= factor * config.keyframe_turn_rad:
         return True
-    moved = motion.path_m > config.keyframe_still_m or turned > config.keyframe_still_m
+    moved = motion.path_m > config.keyframe_still_m or turned > config.keyframe_still_rad
     return moved and motion.seconds >= factor * config.keyframe_seconds

@@ -1,4 +1,4 @@
-"""What the sensors say, decoded and frozen. Every stamp is in integer nanoseconds, every angle in radians."""
+"""Measurements of the sensors, decoded and frozen. Every stamp is in integer nanoseconds, every angle in radians."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -9,10 +9,10 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
-from wayfi.frontends.intake.scan_intake import ScanIntake, Sweep, sees_anything, sensor_of
+from wayfi.frontends.intake.scan_intake import ScanIntake, sensor_of
+from wayfi.frontends.intake.scan_queue import Sweep
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
-from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
@@ -35,9 +35,7 @@ from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 
-ODOMETRY_WAIT_NS = 2 * SECOND_NS  # of scans without odometry, after which the laser leads: longer than any hiccup seen
-ESTIMATE_EVERY = 50  # messages of odometry of a robot that stands still: half a second to five of them
-MOST_UNMOUNTED = 32  # frames without a mount that are warned of: a bound on memory, not a robot's number of lasers
+ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
 
 
 class Pipeline:
@@ -49,14 +47,11 @@ class Pipeline:
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = Slam(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
-        self._wifi = WifiIntake()
+        self._wifi = WifiIntake(config.wifi)
         self._trajectories = Trajectories()
+        self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._laser_leads: LaserLead | None = None
-        self._laser: Sensor | None = None
         self._last_scan_path_m = -np.inf
-        self._unmounted: set[str] = set()
-        self._laser_watch = LaserWatch()
-        self._laser_shift_ns = 0
         self._estimated = (0, 0)
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
@@ -72,32 +67,34 @@ class Pipeline:
             case WifiScan():
                 return list(self._process_wifi(measurement))
             case StaticTransforms():
-                refused = self._scans.add_transforms(measurement)
-                return [Dropped(Sensor.TF_STATIC, measurement.stamp_ns, reason) for reason in refused]
+                return self._scans.add_transforms(measurement)
 
     def finish(self) -> tuple[Result, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
-        events = list(self._use_last_scans(self._scans.waiting()))
+        events = list(self._use_last_scans(self._scans.queue.waiting()))
         events += self._use_wifi(self._wifi.finish())
         result, last = self._slam.finish(self._trajectories)
         return result, events + last
 
-    def estimate(self, serial: int) -> Estimate:
-        """What a live pose needs to go on from here."""
-        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._laser_leads else None
-        return Estimate(serial, self._odometry.tip(), anchor)
-
     def new_estimate(self, serial: int) -> Estimate | None:
-        """The estimate, where a keyframe or enough odometry has come since the last one that this returned."""
+        """The estimate, if a keyframe or `ESTIMATE_EVERY` messages of odometry have come since the last one."""
         keyframes, odometry = self._estimated
         if len(self._slam.keyframes) == keyframes and self._odometry.received < odometry + ESTIMATE_EVERY:
             return None
         self._estimated = len(self._slam.keyframes), self._odometry.received
-        return self.estimate(serial)
+        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._laser_leads else None
+        return Estimate(serial, self._odometry.tip(), anchor)
 
     def history(self) -> list[Event]:
-        """What a log that begins now has to show first: every keyframe at its present pose, and the grid."""
+        """The events with which a new log begins: every keyframe at its present pose, and the grid."""
         return self._slam.history(self._stamp_ns)
+
+    def resume(self, seconds: float) -> list[Event]:
+        """Go on after `seconds` without measurements; a new estimate is due."""
+        self._estimated = (-1, 0)
+        self._path.go_on()
+        text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
+        return [Warned(self._stamp_ns, text)]
 
     @property
     def _path(self) -> DrivenPath:
@@ -106,13 +103,6 @@ class Pipeline:
     @property
     def _stamp_ns(self) -> int:
         return self._path.latest.stamp_ns if self._path.latest else 0
-
-    def resume(self, seconds: float) -> list[Event]:
-        """Go on after `seconds` in which nothing was fed; a new estimate is due."""
-        self._estimated = (-1, 0)
-        self._path.go_on()
-        text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
-        return [Warned(self._stamp_ns, text)]
 
     def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
         stamped = self._odometry.stamp(m)
@@ -124,9 +114,7 @@ class Pipeline:
         if self._odometry.is_late(stamped.stamp_ns):
             yield Dropped(Sensor.ODOM, stamped.stamp_ns, DropReason.TOO_LATE)
             return
-        for scan in self._scans.drop_ahead(stamped.stamp_ns + ODOMETRY_WAIT_NS):
-            yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
-        yield from self._laser_watch.pass_time(stamped.stamp_ns)
+        yield from self._scans.compare(stamped.stamp_ns, self._lead_after_ns)
         yield from self._wifi.compare(stamped.stamp_ns)
         yield from self._advance(stamped.stamp_ns, m.pose, published)
 
@@ -169,77 +157,59 @@ class Pipeline:
         stamp_ns = yield from self._stamp(sensor, m.stamp_ns)
         if stamp_ns is None:
             return
-        if sensor is not (self._laser or sensor):
-            yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
+        shifted_ns = yield from self._scans.add(stamp_ns, m, self._path.latest)
+        if shifted_ns is None:
             return
-        stamp_ns += self._laser_shift_ns
-        latest = self._path.latest
-        sweep = yield from self._laser_watch.add(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
-        if sweep is None:
-            return
-        if not sees_anything(sweep, self._config.lidar.max_range_m):
-            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
-            return
-        self._laser = sensor
-        for late in self._scans.wait(stamp_ns, sweep):
-            yield Dropped(sensor_of(late), late.stamp_ns, DropReason.TOO_MANY_WAIT)
         yield from self._use_scans()
-        if self._laser_leads or self._scans.waited_ns > ODOMETRY_WAIT_NS:
-            yield from self._lead_by_laser(stamp_ns)
+        if self._laser_leads or self._scans.queue.waited_ns > self._lead_after_ns:
+            yield from self._lead_by_laser(shifted_ns)
 
     def _lead_by_laser(self, stamp_ns: int) -> Iterator[Event]:
-        """Where no odometry comes, scan matching from scan to scan takes its place."""
+        """Drive by scan matching from scan to scan in place of the odometry that does not come."""
         if self._laser_leads is None:
             self._laser_leads = LaserLead(self._config.lidar, self._scans)
             self._path.restart()
             yield Warned(stamp_ns, "no odometry: the laser leads")
         yield from self._wifi.compare(stamp_ns)
-        for scan_ns, scan in self._scans.waiting():
+        for scan_ns, scan in self._scans.queue.waiting():
             latest = self._path.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
             yield from self._advance(scan_ns, self._laser_leads.register(scan_ns, scan))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
-        """At the end: the laser leads as far as it did, or where odometry never came; else they came after it."""
+        """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""
         if waiting and (self._laser_leads or self._path.latest is None):
             yield from self._lead_by_laser(waiting[-1][0])
         else:
             yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _use_scans(self) -> Iterator[Event]:
-        for point, scan in self._scans.ready(self._path):
+        for point, scan in self._scans.queue.ready(self._path):
             if point is None:
                 yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.TOO_LATE)
                 continue
             first = self._last_scan_path_m == -np.inf
             self._last_scan_path_m = point.path_m
             motion = self._slam.motion_to(point)
-            due = keyframe_due(motion, self._config.odometry, self._slam.keyframe_stretch())
+            due = keyframe_due(motion, self._config.odometry, self._slam.keyframe_factor())
             if motion.seconds <= 0 or not (first or due):
                 continue
-            yield from self._warn_unmounted(scan)
+            yield from self._scans.mounts.warn_of_unknown(scan)
             with self._timer("scan_points"):
                 placed = self._scans.place(point, scan, self._path)
             yield from self._slam.add_keyframe(point, placed)
             yield from self._correct_stamps(point.stamp_ns)
 
     def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
-        """Where the laser has another clock than the odometry, correct its stamps and forget what it said till then."""
+        """Where the laser has another clock than the odometry, correct its stamps and remove its scans so far."""
         offset_s = self._slam.laser_offset_s(self._path)
         if offset_s is None:
             return
-        self._laser_shift_ns += round(offset_s * SECOND_NS)
+        self._scans.shift_stamps(offset_s)
         text = f"its clock is {abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'} the odometry's"
         yield Warned(stamp_ns, f"laser: {text}; its stamps are corrected from here on, set its clock", "laser.clock")
         yield from self._slam.forget_scans(f"of before the laser's stamps were corrected: {text}")
-
-    def _warn_unmounted(self, scan: Sweep) -> Iterator[Event]:
-        told = scan.frame_id in self._unmounted or len(self._unmounted) >= MOST_UNMOUNTED
-        if not told and not self._scans.knows(scan.frame_id):
-            self._unmounted.add(scan.frame_id)
-            text = f"no /tf_static says where {scan.frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"
-            yield Warned(scan.stamp_ns, text)
 
     def _process_wifi(self, m: WifiScan) -> Iterator[Event]:
         if not self._config.wifi.enabled:

@@ -1,4 +1,4 @@
-"""What a drive leaves: the estimate at its end."""
+"""The result of a drive: the estimate at its end."""
 
 from dataclasses import dataclass
 

@@ -35,13 +35,12 @@ from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
-SETTLING_REVIEWS = 3  # rounds of review and update at the end: a closure taken out moves others, rarely a third time
-LEAST_STRETCH = 0.2  # of the distance between keyframes, where the wheels are poor: a keyframe every 0.1 m
+SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on others, rarely three times in a row
 NO_HITS: NDArray[np.float32] = np.empty((0, 2), np.float32)
 
 
 class Slam:
-    """The state of the estimation: the graph, what feeds it, and the grid drawn from it."""
+    """The state of the estimation: the graph, the frontends that add factors to it, and the grid drawn from it."""
 
     def __init__(self, config: SlamConfig, prior: Calibration, timer: Timer) -> None:
         self._config = config
@@ -73,9 +72,9 @@ class Slam:
         """The wheels' motion from the newest keyframe to `point`."""
         return self.keyframes[len(self.keyframes) - 1].point.motion_to(point)
 
-    def keyframe_stretch(self) -> float:
-        """A factor on the distance between keyframes, below 1 where the wheels are found to be poor."""
-        return max(LEAST_STRETCH, 1.0 / math.sqrt(self._tracker.covariance_scale))
+    def keyframe_factor(self) -> float:
+        """A factor on the distance between keyframes, below 1 where scan matching finds the wheels poor."""
+        return max(self._config.odometry.keyframe_min_factor, 1.0 / math.sqrt(self._tracker.covariance_scale))
 
     def anchor(self) -> Anchor:
         """The newest keyframe as the anchor of poses since then."""
@@ -84,7 +83,7 @@ class Slam:
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
-        """Add a keyframe at `point`, with its scan if there is one; closes loops from it."""
+        """Add a keyframe at `point`, with its scan if there is one, and close loops from it."""
         guess = self._guess(point) if self.has_keyframes else Pose2()
         number = self._graph.add_keyframe(guess)
         tracked = self._connect(point, placed, number) if number else None
@@ -99,7 +98,7 @@ class Slam:
         return events + self._estimate.observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
-        """Add a WiFi scan, at `stamp_ns`, which may be later than its own; closes loops by what it completes."""
+        """Add a WiFi scan at `stamp_ns`, no earlier than its own; close loops by the fingerprint that it completes."""
         keyframe = self.keyframes.before(scan.point.stamp_ns)
         T = self.keyframes[keyframe].point.motion_to(scan.point).corrected(self._estimate.calibration)
         with self._timer("wifi"):
@@ -124,11 +123,11 @@ class Slam:
         return [_grid_event(stamp_ns, grid)]
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:
-        """What is to be added to the laser's stamps, s; None while nothing speaks against them."""
+        """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
         return self._laser_clock.offset_s(path)
 
     def forget_scans(self, reason: str) -> list[Event]:
-        """Take everything that the laser has said so far out of the graph and of the grid."""
+        """Remove all scans so far, and what they contributed, from the graph and the grid."""
         for number in self._matches:
             self._graph.remove(number)
         self.keyframes.forget_scans()
@@ -178,7 +177,7 @@ class Slam:
         return events + self._estimate.update(stamp_ns, moved=True)
 
     def _check(self, candidate: WifiCandidate, stamp_ns: int) -> list[Event]:
-        """Let the laser check a candidate if it saw both places; what it leaves open waits for WiFi's own verdict."""
+        """Check a candidate by the laser if that saw both places; without a verdict, hold it for WiFi's own."""
         if not self._lidar_closer.sees(candidate):
             self._wifi.hold(candidate)
             return []
@@ -244,7 +243,7 @@ class Slam:
         self._grid.add(placed.hits if placed else NO_HITS, (sensor.x, sensor.y))
 
     def _keyframe_events(self, number: int, tracked: Tracked | None, guess: Pose2, updated: list[Event]) -> list[Event]:
-        """The new keyframe, the update of the graph, and the match of its scan."""
+        """The events of the new keyframe, of the update of the graph, and of the match of its scan."""
         keyframe, T_map_base = self.keyframes[number], Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan
         added = KeyframeAdded(number, keyframe.point.stamp_ns, T_map_base, _points(keyframe.scan), ratio)

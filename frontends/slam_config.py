@@ -12,7 +12,7 @@ from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """Everything that the estimation can be told."""
+    """All settings of the estimation."""
 
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     lidar: LidarConfig = field(default_factory=LidarConfig)

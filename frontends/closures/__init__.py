@@ -1,1 +1,1 @@
-"""Loop closures: candidates from the estimate and from WiFi, checked, judged, and taken back where they prove wrong."""
+"""Loop closures: candidates from the estimate and from WiFi, checked, judged, and removed where they prove wrong."""

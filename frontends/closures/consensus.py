@@ -1,8 +1,9 @@
-"""Which turn bias makes most of WiFi's pairs of places meet? Evidence for every one, before any pair is believed.
+"""Finds the turn bias of the wheels with which most of WiFi's pairs of places meet, before any pair is accepted.
 
 Wheels that turn by themselves bend the path into a spiral, and a linearised estimate far from the truth settles on the
-wrong number of turns. Dead reckoning with one bias is a rough trajectory of the whole drive; each pair of places either
-says where it bends, or is chance. A mixture of the two weighs every bias against "all of it is chance".
+wrong number of turns. Dead reckoning with one bias gives a rough trajectory of the whole drive, on which the two places
+of a pair either meet or lie apart by chance. The evidence of a bias is the likelihood of that mixture of true and
+chance pairs, over the likelihood that all pairs are chance.
 """
 
 import math
@@ -15,30 +16,35 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoni
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats
 
+# Shares of true pairs at which evidence is computed: within 0.011 nats a pair of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
-_PLAY_M2 = 1.0  # variance added to that of the path: a straight corridor has an area too
+_CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
 
 
 @dataclass(frozen=True)
 class ConsensusConfig:
-    """What it takes to believe that WiFi's pairs of places agree."""
+    """When WiFi's pairs of places agree, and when a pair is accepted or removed."""
 
     steps: int = option(241, "", "over 4 sigmas each way: 0.001 rad/m apart, 0.1 rad over 100 m")
     drift: float = option(0.01, "1", "of the path between two places: what the wheels of real robots err at random")
-    min_gain: float = option(4.0, "", "nats by which another bias must be better, while more is to come: 1000 to 1")
-    min_gain_at_end: float = option(1.0, "", "the same at the end, when the better guess is all there can be")
+    min_gain: float = option(4.0, "", "nats by which another bias must be better, while more pairs may come: 55 to 1")
+    min_gain_at_end: float = option(1.0, "", "the same at the end, when there is nothing to wait for")
     min_posterior: float = option(0.9, "", "of a pair to be true, given the estimate, before it enters the graph")
-    max_apart_m: float = option(3.0, "m", "an accepted pair whose places end further apart is taken back")
-    max_apart_sigmas: float = option(3.5, "", "as above, by what it claimed: 1 in 500 true pairs is beyond")
+    max_apart_m: float = option(3.0, "m", "an accepted pair whose places end further apart is removed")
+    max_apart_sigmas: float = option(3.5, "", "as above, of its own sigma: 1 in 500 true pairs is beyond")
+    prior_pairs: float = option(50.0, "pairs", "that the sigma of the self-similarity counts for against accepted ones")
+    search_growth: float = option(
+        1.2, "", "times as many refused pairs as at the last search make another worth its cost"
+    )
     window: int = option(500, "pairs", "the newest: bounds the cost; some hours of a robot that keeps coming back")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of places: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames, and what they claim.
+    """Pairs of places: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames.
 
-    They are one place to `sigma_m` (m,) along each axis; `path_m` (m,) lies between them. A pair counts as `weight`
-    (m,) of an independent one.
+    Each pair claims to be one place, to `sigma_m` (m,) along each axis, with `path_m` (m,) driven in between. It counts
+    as `weight` (m,), 0 to 1, of an independent pair.
     """
 
     a: NDArray[np.int64]
@@ -50,11 +56,11 @@ class Pairs:
     weight: Floats
 
     def at_a(self, poses: Floats) -> Floats:
-        """(m, 2) m the places in a, in `map`, the keyframes standing at `poses` (n, 3)."""
+        """(m, 2) m, the places in a in `map`, by the keyframes' `poses` (n, 3)."""
         return _placed(poses[self.a], self.place_a)
 
     def at_b(self, poses: Floats) -> Floats:
-        """(m, 2) m the places in b, as above."""
+        """(m, 2) m, the places in b, as above."""
         return _placed(poses[self.b], self.place_b)
 
     def apart(self, poses: Floats) -> Floats:
@@ -73,22 +79,25 @@ class Hypothesis:
 
 
 def driven_area(poses: Floats) -> float:
-    """m2 of the ellipse over which the keyframes (n, 3) are spread: where a pair that is chance may lie."""
-    spread = np.cov(poses[:, :2], rowvar=False) + _PLAY_M2 * np.eye(2)
+    """m^2 of the two-sigma ellipse of the keyframes' `poses` (n, 3), over which the places of a chance pair may lie."""
+    spread = np.cov(poses[:, :2], rowvar=False) + _CORRIDOR_M2 * np.eye(2)
     return float(4 * math.pi * math.sqrt(np.linalg.det(spread)))
 
 
 def likelihood_ratio(chi2: Floats, variance: Floats, area: float) -> Floats:
-    """How much likelier pairs (m,) that lie `chi2` apart, of `variance` (m,) m2 along each axis, are true than chance.
+    """(m,) likelihood that pairs are true over that they are chance: Gaussian around 0 over uniform in `area` (m^2).
 
-    What is true is spread around no distance, what is chance over the `area` (m2).
+    `chi2` (m,) is the squared distance of their places over `variance` (m,), m^2 along each axis.
     """
     ratio: Floats = area / (2 * math.pi * variance) * np.exp(-0.5 * chi2)
     return ratio
 
 
 def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.bool_]]:
-    """The evidence (nats) of keyframes' `poses` (n, 3) over "all is chance", and which of the pairs they explain."""
+    """The evidence (nats) of `poses` (n, 3) over "all pairs are chance", and which of the pairs (m,) they explain.
+
+    `drift` is the share of the path between two places by which dead reckoning errs at random.
+    """
     variance = pairs.sigma_m**2 + (drift * pairs.path_m) ** 2
     chi2 = (pairs.apart(poses) ** 2).sum(axis=1) / variance
     ratio = likelihood_ratio(chi2, variance, driven_area(poses))
@@ -98,7 +107,7 @@ def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.
 
 
 def best_hypothesis(motions: Floats, pairs: Pairs, prior: WheelCalibration, config: ConsensusConfig) -> Hypothesis:
-    """The turn bias per metre of most evidence, given the wheels' `motions` (n, 5) and `pairs`; sound ones or not."""
+    """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5) and `pairs`, some of them false."""
     best: Hypothesis | None = None
     for offset in np.linspace(-4, 4, config.steps):
         values = prior.values.copy()

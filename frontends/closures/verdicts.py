@@ -1,4 +1,4 @@
-"""The book of verdicts: every loop candidate has one, and it may change."""
+"""The latest verdict on every loop candidate."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ from wayfi.frontends.events import ClosureJudged, Verdict
 
 
 class Verdicts:
-    """Candidates 0, 1, ... as judged last."""
+    """Candidates 0, 1, ..., each with its latest verdict."""
 
     def __init__(self) -> None:
         self._judged: list[ClosureJudged] = []
@@ -18,16 +18,16 @@ class Verdicts:
         return self._judged[number]
 
     def enter(self, judged: ClosureJudged) -> ClosureJudged:
-        """A new candidate, which gets the next number; returns it with that."""
+        """Add a new candidate; returns it with the next number as its `closure`."""
         numbered = replace(judged, closure=len(self._judged))
         self._judged.append(numbered)
         return numbered
 
     def change(self, number: int, verdict: Verdict, reason: str) -> ClosureJudged:
-        """Candidate `number` with another verdict."""
+        """Change the verdict on candidate `number`; returns the candidate with it."""
         return self.restate(replace(self._judged[number], verdict=verdict, reason=reason))
 
     def restate(self, judged: ClosureJudged) -> ClosureJudged:
-        """A candidate as it is judged now, in the place of what was said of the same number."""
+        """Replace the entry of the same number by `judged`; returns it."""
         self._judged[judged.closure] = judged
         return judged

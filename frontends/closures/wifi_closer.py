@@ -1,14 +1,12 @@
-"""From WiFi's pairs of places to factors: none is believed for itself, and each can be taken back.
+"""Judges WiFi's pairs of places: accepts them as factors together, not one by one, and removes those that prove wrong.
 
-A pair is believed where the estimate makes it likely. Pairs that it does not make likely gather until another turn bias
-of the wheels explains them much better; then everything starts again from that bias. So neither the order in which
-pairs come nor a run of false ones decides.
+A pair is accepted where the estimate makes it likely. Refused pairs gather until another turn bias of the wheels
+explains them much better than the estimate does; then everything starts again from that bias. So neither the order in
+which pairs come nor a run of false ones decides.
 """
 
-import math
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,33 +25,17 @@ from wayfi.frontends.closures.consensus import (
     weigh,
 )
 from wayfi.frontends.closures.verdicts import Verdicts
+from wayfi.frontends.closures.wifi_claims import Claim, WifiClaims
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
-UNCLAIMED_RAD = 30.0  # a sigma that says nothing of a heading
-_SHOWN = 40  # pairs of a sequence
-_PRIOR_PAIRS = 50.0  # that the self-similarity's sigma counts for, against what accepted pairs show
-_MORE_REFUSED = 1.2  # times as many as at the last search: another is worth its cost
-
-
-@dataclass(slots=True)
-class _Claim:
-    """A pair with its verdict's number, and the number of its factor while it is believed.
-
-    `gap_m` of path lie between it and the pair before it that relates the same two stretches.
-    """
-
-    number: int
-    candidate: WifiCandidate
-    gap_m: float
-    factor: int | None = None
-    confirmed: bool = False
+UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 
 
 class WifiCloser:
-    """Judges WiFi's candidates among each other and against the estimate."""
+    """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one."""
 
     def __init__(
         self,
@@ -66,72 +48,74 @@ class WifiCloser:
         confirm: Callable[[WifiCandidate], None],
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
-        self._prior, self._config, self._wifi = prior, config, wifi
+        self._prior, self._config = prior, config
         self._confirm = confirm
-        self._claims: list[_Claim] = []
-        self._sequence: deque[_Claim] = deque(maxlen=_SHOWN)
+        self._claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
-        self._sigma_scale = 1.0
 
     def judge(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
-        """The first verdict on a candidate, in an estimate of keyframes at `poses` (n, 3)."""
+        """The first verdict on a candidate, by the estimate of the keyframes' `poses` (n, 3)."""
         if not candidate.mutual:
-            return [self._enter(candidate, poses, "the earlier place sounds more like another one beside the later")]
-        claim = _Claim(len(self._verdicts), candidate, self._gap_m(candidate))
-        self._claims.append(claim)
+            reason = "the earlier place sounds more like another one beside the later"
+            return [self._enter(candidate, poses, "fingerprint", reason)]
+        claim = self._claims.add(len(self._verdicts), candidate)
         self._refused += 1
-        if claim.gap_m >= self._wifi.independent_m:
-            self._sequence.clear()
-        self._sequence.append(claim)
         shown = self._shown(stamp_ns, poses)
-        judged = self._enter(candidate, poses, "the estimate does not make it likely")
-        return [shown, self._believe_if_likely(claim, poses) or judged]
+        proposed_by = "sequence" if self._claims.continues(claim) else "fingerprint"
+        judged = self._enter(candidate, poses, proposed_by, "the estimate does not make it likely")
+        return [shown, self._accept_if_likely(claim, poses) or judged]
 
     def decide(self, stamp_ns: int, poses: Floats, last: bool = False) -> list[Event]:
-        """Weigh the pairs together, once enough new ones were refused; `last`: nothing more will come.
+        """Judge the pairs together, once enough new ones were refused; `last`: no more will come.
 
-        Start again from another turn bias if it explains them far better than the estimate does; otherwise believe
+        Starts again from another turn bias if that explains them far better than the estimate does; otherwise accepts
         what the estimate explains, if that is far better than chance.
         """
-        self._searched_with = min(self._searched_with, self._refused)
-        if self._graph.restarts or self._refused == 0:
+        if not self._search_due(last):
             return []
-        if (self._refused < _MORE_REFUSED * self._searched_with) and not last:
-            return []
-        self._searched_with = self._refused
-        window = self._claims[-self._config.window :]
-        pairs = self._pairs(window)
+        recent = self._claims.recent()
+        pairs = self._claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
         found = best_hypothesis(self._motions(), pairs, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
             self._searched_with = 0
             text = f"the wheels' turn bias is taken to be {found.values[2]:+.4f} rad/m: it explains the closures"
-            return [Warned(stamp_ns, text), *self._start_from(found, window)]
+            return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
         if now < gain:
             return []
         agreed = explained & ~self._are_far(pairs, poses)
         return [
-            self._believe(claim, poses, "agrees with the estimate, as others do")
-            for claim, agrees in zip(window, agreed, strict=True)
+            self._accept(claim, poses, "agrees with the estimate, as others do")
+            for claim, agrees in zip(recent, agreed, strict=True)
             if agrees and claim.factor is None
         ]
 
     def review(self, poses: Floats) -> list[Event]:
-        """After the estimate has moved: take back what it contradicts, believe what it now makes likely."""
-        window = self._claims[-self._config.window :]
-        if not window:
+        """After the estimate has changed: remove what it contradicts, accept what it now makes likely."""
+        recent = self._claims.recent()
+        if not recent:
             return []
-        pairs = self._pairs(window)
+        pairs = self._claims.pairs(recent)
         far = self._are_far(pairs, poses)
         events: list[Event] = []
-        for claim, is_far in zip(window, far, strict=True):
+        for claim, is_far in zip(recent, far, strict=True):
             if claim.factor is not None and is_far:
-                events.append(self._take_back(claim, "the estimate puts its places apart after all"))
-            elif claim.factor is None and not is_far and (judged := self._believe_if_likely(claim, poses)):
+                events.append(self._remove(claim, "the estimate puts its places apart after all"))
+            elif claim.factor is None and not is_far and (judged := self._accept_if_likely(claim, poses)):
                 events.append(judged)
-        self._learn_sigma(window, pairs, poses)
+        self._claims.learn_sigma(pairs, poses)
         return events
+
+    def _search_due(self, last: bool) -> bool:
+        """Whether there are refused pairs, and enough new ones since the last search to be worth another."""
+        self._searched_with = min(self._searched_with, self._refused)
+        if self._graph.restarts or self._refused == 0:
+            return False
+        if self._refused < self._config.search_growth * self._searched_with and not last:
+            return False
+        self._searched_with = self._refused
+        return True
 
     def _are_far(self, pairs: Pairs, poses: Floats) -> NDArray[np.bool_]:
         """(m,) whether the estimate puts the places of each pair too far apart to be one."""
@@ -141,56 +125,45 @@ class WifiCloser:
         )
         return far
 
-    def _gap_m(self, candidate: WifiCandidate) -> float:
-        """Path since the last pair that relates the same two stretches; no more than makes two pairs independent."""
-        for claim in reversed(self._claims):
-            gap_m = candidate.b.path_m - claim.candidate.b.path_m
-            if gap_m >= self._wifi.independent_m:
-                break
-            if abs(candidate.a.path_m - claim.candidate.a.path_m) < self._wifi.independent_m:
-                return max(gap_m, self._wifi.fingerprint_m)
-        return self._wifi.independent_m
-
-    def _believe_if_likely(self, claim: _Claim, poses: Floats) -> ClosureJudged | None:
+    def _accept_if_likely(self, claim: Claim, poses: Floats) -> ClosureJudged | None:
         if self._graph.restarts:
-            return None  # review looks again, in the estimate that comes of it
+            return None  # `review` judges it again by the estimate after the restart
         posterior = self._posterior(claim, poses)
         if not posterior >= self._config.min_posterior:
             return None
-        return self._believe(claim, poses, f"agrees with the estimate: {posterior:.1%} likely")
+        return self._accept(claim, poses, f"agrees with the estimate: {posterior:.1%} likely")
 
-    def _posterior(self, claim: _Claim, poses: Floats) -> float:
-        """How likely the pair is true, given the estimate with its covariance and how many pairs were true so far."""
-        pair, a, b = self._pairs([claim]), claim.candidate.a, claim.candidate.b
+    def _posterior(self, claim: Claim, poses: Floats) -> float:
+        """The probability that a pair is true, given the estimate, its covariance, and the share of true pairs."""
+        pair, a, b = self._claims.pairs([claim]), claim.candidate.a, claim.candidate.b
         T_a_map = Pose2(0.0, 0.0, -poses[a.keyframe, 2])
         apart = T_a_map.transform(pair.apart(poses))[0]
         covariance = self._graph.place_covariance(a.keyframe, b.keyframe, b.place)
         covariance += pair.sigma_m[0] ** 2 * np.eye(2)
         if np.linalg.eigvalsh(covariance)[0] <= 0:
-            return 0.0  # the estimate is so loose that rounding decides: it speaks for no pair
+            return 0.0  # by rounding, where the estimate is very loose: it supports no pair
         chi2 = apart @ np.linalg.solve(covariance, apart)
         variance = np.sqrt(np.linalg.det(covariance))
         ratio = float(likelihood_ratio(chi2, variance, driven_area(poses)))
-        window = self._claims[-self._config.window :]
-        share = (1 + sum(other.factor is not None for other in window)) / (2 + len(window))
+        share = self._claims.true_share()
         return share * ratio / (share * ratio + 1 - share)
 
-    def _start_from(self, found: Hypothesis, window: list[_Claim]) -> list[Event]:
+    def _restart_from(self, found: Hypothesis, claims: list[Claim]) -> list[Event]:
+        """Accept the claims that `found` explains, remove the others, and restart the graph from it."""
         events: list[Event] = []
-        for claim, explained in zip(window, found.explained, strict=True):
+        for claim, explained in zip(claims, found.explained, strict=True):
             if claim.factor is not None and not explained:
-                events.append(self._take_back(claim, "another turn bias explains more closures"))
+                events.append(self._remove(claim, "another turn bias explains more closures"))
             elif explained and claim.factor is None:
-                events.append(self._believe(claim, found.poses, "explained by the turn bias found"))
+                events.append(self._accept(claim, found.poses, "explained by the turn bias found"))
         self._graph.restart(found.values, found.poses)
         return events
 
-    def _believe(self, claim: _Claim, poses: Floats, reason: str) -> ClosureJudged:
-        """Make a factor of it; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
+    def _accept(self, claim: Claim, poses: Floats, reason: str) -> ClosureJudged:
+        """Add its factor; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
         a, b = claim.candidate.a, claim.candidate.b
-        independent = claim.gap_m / self._wifi.independent_m
-        sigma_m = self._sigma_scale * claim.candidate.sigma_m / math.sqrt(independent)
-        claim.factor = self._graph.add(NearFactor(a.keyframe, b.keyframe, a.place, b.place, sigma_m))
+        factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self._claims.factor_sigma_m(claim))
+        claim.factor = self._graph.add(factor)
         self._refused -= 1
         if not claim.confirmed:
             self._confirm(claim.candidate)
@@ -201,57 +174,37 @@ class WifiCloser:
             replace(refused, T_a_b=T_a_b, covariance=covariance, verdict=Verdict.ACCEPTED, reason=reason)
         )
 
-    def _take_back(self, claim: _Claim, reason: str) -> ClosureJudged:
+    def _remove(self, claim: Claim, reason: str) -> ClosureJudged:
         assert claim.factor is not None
         self._graph.remove(claim.factor)
         claim.factor = None
         self._refused += 1
         return self._verdicts.change(claim.number, Verdict.REMOVED, reason)
 
-    def _learn_sigma(self, window: list[_Claim], pairs: Pairs, poses: Floats) -> None:
-        """What accepted pairs show of the self-similarity's sigma, which counts as `_PRIOR_PAIRS` of them."""
-        believed = np.array([claim.factor is not None for claim in window])
-        sigmas = pairs.apart(poses)[believed] * (self._sigma_scale / pairs.sigma_m[believed, None])
-        squared = 0.5 * float((sigmas**2).sum())
-        self._sigma_scale = math.sqrt((_PRIOR_PAIRS + squared) / (_PRIOR_PAIRS + believed.sum()))
-
-    def _pairs(self, claims: list[_Claim]) -> Pairs:
-        a, b = [claim.candidate.a for claim in claims], [claim.candidate.b for claim in claims]
-        return Pairs(
-            np.array([f.keyframe for f in a]),
-            np.array([f.keyframe for f in b]),
-            np.array([f.place for f in a]),
-            np.array([f.place for f in b]),
-            self._sigma_scale * np.array([claim.candidate.sigma_m for claim in claims]),
-            np.array([later.path_m - earlier.path_m for earlier, later in zip(a, b, strict=True)]),
-            np.array([min(1.0, claim.gap_m / self._wifi.neighbouring_m) for claim in claims]),
-        )
-
     def _motions(self) -> Floats:
-        """(n, 5) what the wheels said between the keyframes."""
+        """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
         wheels = self._graph.wheels()
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
 
     def _shown(self, stamp_ns: int, poses: Floats) -> SequenceMatched:
         """The pairs in a row that relate the newest two stretches."""
-        pairs = self._pairs(list(self._sequence))
+        pairs = self._claims.pairs(self._claims.sequence())
         residual_m = float(np.hypot(*pairs.apart(poses).T).mean())
         return SequenceMatched(
             stamp_ns, int(pairs.a[-1]), int(pairs.b[-1]), pairs.at_a(poses), pairs.at_b(poses), residual_m
         )
 
     def _claimed(self, candidate: WifiCandidate, poses: Floats) -> tuple[Pose2, Floats]:
-        """T_a_b of the keyframes if both fingerprints stand at one place, turned as `poses` are; its covariance."""
+        """T_a_b of the keyframes if both fingerprints are at one place, with the heading of `poses`; its covariance."""
         a, b = candidate.a, candidate.b
-        turned = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
-        variance = (self._sigma_scale * candidate.sigma_m) ** 2
-        return meeting(a.place, b.place, turned), np.diag([variance, variance, UNCLAIMED_RAD**2])
+        heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
+        variance = self._claims.sigma_m(candidate) ** 2
+        return meeting(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
 
-    def _enter(self, candidate: WifiCandidate, poses: Floats, refused: str) -> ClosureJudged:
+    def _enter(self, candidate: WifiCandidate, poses: Floats, proposed_by: str, refused: str) -> ClosureJudged:
         a, b = candidate.a, candidate.b
         at_a, at_b = (Pose2.of(poses[f.keyframe]) @ f.T_keyframe_base for f in (a, b))
         T_a_b, covariance = self._claimed(candidate, poses)
-        proposed_by = "sequence" if candidate.mutual and len(self._sequence) > 1 else "fingerprint"
         return self._verdicts.enter(
             ClosureJudged(
                 0, self._keyframes[a.keyframe].point.stamp_ns, self._keyframes[b.keyframe].point.stamp_ns, a.keyframe,

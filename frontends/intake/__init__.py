@@ -1,1 +1,1 @@
-"""Measurements on their way to a keyframe or a fingerprint: they wait here for the odometry that places them."""
+"""Measurements before they become keyframes or fingerprints: checked, and held until odometry gives them a place."""

@@ -1,29 +1,23 @@
-"""Laser scans on their way to a keyframe: they wait for the odometry that tells where they were taken."""
+"""Sweeps of the laser before they become keyframes: checked, held until the odometry covers them, cut to points."""
 
 import math
-from collections import deque
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.events import DropReason
-from wayfi.frontends.intake.cloud_intake import CloudIntake, any_return, turn_ns
-from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, returns, to_base, walls_seen
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.events import Dropped, DropReason, Event
+from wayfi.frontends.intake.cloud_intake import CloudIntake, any_return
+from wayfi.frontends.intake.mounts import BASE_FRAME, Mounts
+from wayfi.frontends.intake.scan_queue import ScanQueue, Sweep, sweep_ns
+from wayfi.frontends.lidar.laser_points import beam_points, returns, to_base, walls_seen
+from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, StaticTransforms
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
-
-GAP_NS = 1_000_000_000
-MOST_FRAMES = 100  # whose mounts are kept
-MOST_WAITING, MOST_POINTS_WAITING = 200, 20_000_000  # scans: 5 s at 40 Hz; of what they hold: some 300 MB
-FURTHEST_MOUNT_M = 100.0
-SMALLEST_NORM, LARGEST_NORM = 1e-3, 1e3  # of a quaternion
-
-Sweep = LaserScan | PointCloud
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,127 +34,86 @@ class PlacedScan:
 
 
 class ScanIntake:
-    """Knows where the laser is mounted and which scans still wait."""
+    """Uses the first laser that sees anything; holds its sweeps in `queue`, and knows the `mounts`."""
 
-    def __init__(self, config: LidarConfig, base_frame: str = "base_link") -> None:
+    def __init__(self, config: LidarConfig) -> None:
         self._config = config
-        self._base_frame = base_frame
-        self._mounts: dict[str, tuple[Pose2, bool]] = {}
+        self.mounts = Mounts(config)
         self.clouds = CloudIntake(config)
-        self._waiting: deque[tuple[int, Sweep]] = deque()
-        self._points_waiting = 0
+        self.queue = ScanQueue()
+        self._watch = LaserWatch()
+        self._laser: Sensor | None = None
+        self._shift_ns = 0
 
-    def add_transforms(self, transforms: StaticTransforms) -> list[DropReason]:
-        """Learn where sensors are mounted on the base; returns why a mount is not taken, for each that is not."""
-        refused = []
+    def add_transforms(self, transforms: StaticTransforms) -> list[Event]:
+        """Learn where sensors are mounted on the base; returns the drops of mounts that cannot be."""
+        dropped: list[Event] = []
         for t in transforms.transforms:
-            if t.frame_id != self._base_frame:
+            if t.frame_id != BASE_FRAME:
                 continue
-            reason = self._refuses(t)
-            if reason:
-                refused.append(reason)
+            if reason := self.mounts.add(t):
+                dropped.append(Dropped(Sensor.TF_STATIC, transforms.stamp_ns, reason))
             else:
-                self._mounts[t.child_frame_id] = planar_mount(t)
                 self.clouds.add_mount(t)
-        return refused
-
-    def _refuses(self, t: StaticTransform) -> DropReason | None:
-        away_m, norm = math.hypot(*t.translation_xyz), math.hypot(*t.rotation_xyzw)
-        if not (math.isfinite(away_m) and math.isfinite(norm)):
-            return DropReason.NON_FINITE
-        if away_m > FURTHEST_MOUNT_M or not SMALLEST_NORM <= norm <= LARGEST_NORM:
-            return DropReason.ABSURD_MOUNT
-        full = len(self._mounts) >= MOST_FRAMES and t.child_frame_id not in self._mounts
-        return DropReason.TOO_MANY_FRAMES if full else None
-
-    def knows(self, frame_id: str) -> bool:
-        """Whether the mount of a frame is known, from /tf_static or the configuration."""
-        return bool(self._config.mount) or frame_id in self._mounts or frame_id == self._base_frame
-
-    def wait(self, stamp_ns: int, scan: Sweep) -> list[Sweep]:
-        """Queue a scan until the odometry has come so far; returns those that make room for it, unused."""
-        self._waiting.append((stamp_ns, scan))
-        self._points_waiting += size(scan)
-        dropped = []
-        while len(self._waiting) > MOST_WAITING or self._points_waiting > max(MOST_POINTS_WAITING, size(scan)):
-            dropped.append(self._pop()[1])
         return dropped
 
-    def waiting(self) -> list[tuple[int, Sweep]]:
-        """The scans that wait, oldest first, each with its stamp on the time base."""
-        return list(self._waiting)
+    def add(self, stamp_ns: int, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
+        """Add a sweep stamped `stamp_ns` on the time base; `latest` is the end of the driven path.
 
-    def drop_ahead(self, stamp_ns: int) -> list[Sweep]:
-        """Forget the scans stamped after `stamp_ns`: their clock is not the odometry's."""
-        ahead = [scan for scan_ns, scan in self._waiting if scan_ns > stamp_ns]
-        self._waiting = deque(waiting for waiting in self._waiting if waiting[0] <= stamp_ns)
-        self._points_waiting -= sum(map(size, ahead))
-        return ahead
+        Returns its stamp by the odometry's clock, None if it is dropped.
+        """
+        sensor = sensor_of(sweep)
+        if sensor is not (self._laser or sensor):
+            yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
+            return None
+        stamp_ns += self._shift_ns
+        used = yield from self._watch.add(stamp_ns, sweep, latest.stamp_ns - stamp_ns if latest else 0)
+        if used is None:
+            return None
+        if not self._sees_anything(used):
+            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
+            return None
+        self._laser = sensor
+        for oldest in self.queue.add(stamp_ns, used):
+            yield Dropped(sensor, oldest.stamp_ns, DropReason.TOO_MANY_WAIT)
+        return stamp_ns
 
-    @property
-    def waited_ns(self) -> int:
-        """From the oldest scan that waits to the newest; a gap between two of them counts for a second at most."""
-        return sum(min(after[0] - before[0], GAP_NS) for before, after in pairwise(self._waiting))
+    def compare(self, odometry_ns: int, most_ahead_ns: int) -> Iterator[Event]:
+        """Drop the sweeps stamped more than `most_ahead_ns` after the newest odometry; watch for silence."""
+        for ahead in self.queue.drop_ahead(odometry_ns + most_ahead_ns):
+            yield Dropped(sensor_of(ahead), ahead.stamp_ns, DropReason.AHEAD)
+        yield from self._watch.pass_time(odometry_ns)
 
-    def ready(self, path: DrivenPath) -> list[tuple[PathPoint | None, Sweep]]:
-        """The scans whose sweep the odometry covers now, each at its place; None where that is no longer kept."""
-        out: list[tuple[PathPoint | None, Sweep]] = []
-        latest = path.latest
-        while latest and self._waiting and self._waiting[0][0] + sweep_ns(self._waiting[0][1]) <= latest.stamp_ns:
-            stamp_ns, scan = self._pop()
-            out.append((path.at(stamp_ns), scan))
-        return out
+    def shift_stamps(self, seconds: float) -> None:
+        """Add `seconds` to the stamps of the sweeps from here on."""
+        self._shift_ns += round(seconds * SECOND_NS)
 
     def points(self, scan: LaserScan) -> Floats:
         """(n, 2) points of a scan in base_link, m, as of one instant."""
-        mount, upside_down = self._mount(scan.frame_id)
+        mount, upside_down = self.mounts.of(scan.frame_id)
         return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
 
-    def place(self, point: PathPoint, scan: Sweep, path: DrivenPath) -> PlacedScan | None:
-        """The scan's points in base_link at `point`; None if no beam returned."""
-        if isinstance(scan, PointCloud):
-            cut = self.clouds.cut(point, scan, path)
+    def place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
+        """The sweep's points in base_link at `point`; None if no beam returned."""
+        if isinstance(sweep, PointCloud):
+            cut = self.clouds.cut(point, sweep, path)
             return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
-        beams, points = beam_points(scan, self._config.max_range_m)
+        beams, points = beam_points(sweep, self._config.max_range_m)
         if len(points) == 0:
             return None
-        mount, upside_down = self._mount(scan.frame_id)
-        points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, path))
+        mount, upside_down = self.mounts.of(sweep.frame_id)
+        points = to_base(points, mount, upside_down, _sweep_motion(point, sweep, beams, path))
         seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
         return PlacedScan(point, seen, points.astype(np.float32))
 
-    def _pop(self) -> tuple[int, Sweep]:
-        stamp_ns, scan = self._waiting.popleft()
-        self._points_waiting -= size(scan)
-        return stamp_ns, scan
-
-    def _mount(self, frame_id: str) -> tuple[Pose2, bool]:
-        if self._config.mount:
-            return Pose2.of(self._config.mount), False
-        return self._mounts.get(frame_id, (Pose2(), False))
+    def _sees_anything(self, sweep: Sweep) -> bool:
+        """Whether a scan holds a return within the maximum range, a cloud one at all."""
+        return any_return(sweep) if isinstance(sweep, PointCloud) else len(returns(sweep, self._config.max_range_m)) > 0
 
 
-def size(scan: Sweep) -> int:
-    """How many beams or points a scan holds."""
-    return len(scan.points if isinstance(scan, PointCloud) else scan.ranges)
-
-
-def sensor_of(scan: Sweep) -> Sensor:
-    """The sensor that a scan is from."""
-    return Sensor.POINTS if isinstance(scan, PointCloud) else Sensor.SCAN
-
-
-def sees_anything(scan: Sweep, max_range_m: float) -> bool:
-    """Whether a scan holds a return within `max_range_m`, a cloud one at all."""
-    return any_return(scan) if isinstance(scan, PointCloud) else len(returns(scan, max_range_m)) > 0
-
-
-def sweep_ns(scan: Sweep) -> int:
-    """How long after its stamp the last beam of a scan was taken, ns; 0 where the message does not say."""
-    if isinstance(scan, PointCloud):
-        return turn_ns(scan)
-    seconds = scan.time_increment_s * len(scan.ranges)
-    return int(seconds * 1e9) if 0 < seconds < 2.0 else 0
+def sensor_of(sweep: Sweep) -> Sensor:
+    """The sensor that a sweep is from."""
+    return Sensor.POINTS if isinstance(sweep, PointCloud) else Sensor.SCAN
 
 
 def _sweep_motion(point: PathPoint, scan: LaserScan, beams: NDArray[np.int64], path: DrivenPath) -> Floats | None:

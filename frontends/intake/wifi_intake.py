@@ -1,4 +1,4 @@
-"""WiFi scans on their way to a fingerprint: checked, held until the odometry covers them, placed on the path."""
+"""WiFi scans before they become fingerprints: checked, held until the odometry covers them, placed on the path."""
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
@@ -11,19 +11,18 @@ from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, usable_readings
 from wayfi.frontends.wifi.readings_by_place import ReadingsByPlace
+from wayfi.frontends.wifi.wifi_config import WifiConfig
 from wayfi.frontends.wifi.wifi_watch import WifiWatch
 
-EARLY_NS = 5 * SECOND_NS  # before the first pose, a scan waits so long for it
-WAIT_NS = 30 * SECOND_NS  # later, for the odometry to go on
-MOST_RECEIVERS = 32  # a robot was seen to carry three; every one that was ever heard is remembered
-MOST_WAITING = 500  # scans: thirty seconds of three phones, channel by channel
+MOST_RECEIVERS = 32  # that are remembered, to bound memory; robots were seen to carry three
+MOST_WAITING = 500  # scans, to bound memory: 30 s of three phones that send every channel by itself
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
     """A scan that waits for the odometry to cover `stamp_ns`, which is on the time base.
 
-    `compared` says whether its receiver's clock was compared with the odometry's.
+    `compared`: its receiver's clock was compared with the odometry's.
     """
 
     stamp_ns: int
@@ -33,17 +32,18 @@ class _Scan:
 
 
 class WifiIntake:
-    """Knows which receivers can be believed and which scans still wait."""
+    """Drops the scans of faulty receivers and holds the others until they have a place on the path."""
 
-    def __init__(self) -> None:
-        self._watch = WifiWatch()
-        self._by_place = ReadingsByPlace()
+    def __init__(self, config: WifiConfig) -> None:
+        self._early_ns, self._wait_ns = round(config.first_pose_s * SECOND_NS), round(config.odometry_s * SECOND_NS)
+        self._watch = WifiWatch(config.watch)
+        self._by_place = ReadingsByPlace(config.by_place)
         self._last_ns: dict[str, int] = {}
         self._waiting: list[_Scan] = []
         self._first: PathPoint | None = None
 
     def add(self, m: WifiScan, offset_ns: int, latest: PathPoint | None) -> Iterator[Event]:
-        """Add the next scan; `offset_ns` takes its stamp to the time base, `latest` is the end of the driven path."""
+        """Add the next scan; `offset_ns` is the time base's, `latest` the end of the driven path."""
         stamp_ns = m.stamp_ns + offset_ns
         if refused := self._refuses(m.receiver, stamp_ns):
             yield Dropped(Sensor.WIFI, stamp_ns, refused)
@@ -71,7 +71,7 @@ class WifiIntake:
         self._waiting = waiting
 
     def ready(self, path: DrivenPath) -> Iterator[PlacedWifiScan | Event]:
-        """The scans that the path covers and that are due, each at its place; and what is dropped."""
+        """Remove and return the scans that the path covers and that are due, each at its place; and what is dropped."""
         latest = path.latest
         if latest is None:
             return
@@ -83,15 +83,16 @@ class WifiIntake:
         yield from self._by_place.ready(latest.stamp_ns)
 
     def finish(self) -> Iterator[PlacedWifiScan | Event]:
-        """At the end, scans that wait for later readings are used without; those ahead of the odometry are dropped."""
+        """At the end: the scans that wait for later readings, without these; drops those ahead of the odometry."""
         yield from self._by_place.ready(np.iinfo(np.int64).max)
         for scan in self._waiting:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.NO_POSE)
 
     def _refuses(self, receiver: str, stamp_ns: int) -> DropReason | None:
-        """Why a scan is not looked at: one receiver too many, or out of order.
+        """Why a scan is dropped unread: too many receivers, or a stamp out of order.
 
-        Only the scan just before counts: where a phone's clock was set back, the comparison with the odometry decides.
+        The order is judged against the scan just before alone: where a phone's clock was set back, the comparison with
+        the odometry decides.
         """
         if receiver not in self._last_ns and len(self._last_ns) >= MOST_RECEIVERS:
             return DropReason.TOO_MANY_RECEIVERS
@@ -107,8 +108,8 @@ class WifiIntake:
         return [replace(scan, compared=True)] if right else []
 
     def _wait_for_odometry(self, scan: _Scan) -> Iterator[Event]:
-        """Hold a scan until the next odometry; drops those that its receiver's clock says have waited too long."""
-        oldest_ns = scan.stamp_ns - (WAIT_NS if self._first else EARLY_NS)
+        """Hold a scan until the next odometry; drops those of its receiver whose stamps are too long before its own."""
+        oldest_ns = scan.stamp_ns - (self._wait_ns if self._first else self._early_ns)
         late = [s for s in self._uncompared() if s.receiver == scan.receiver and s.stamp_ns < oldest_ns]
         yield from (Dropped(Sensor.WIFI, s.stamp_ns, DropReason.NO_POSE) for s in late)
         self._forget(late)
@@ -132,7 +133,7 @@ class WifiIntake:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)
             return
         yield from [Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)] * unplaced
-        if (yield from self._watch.hear(scan.stamp_ns, scan.receiver, scan.readings, taken_m)):
+        if (yield from self._watch.compare_levels(scan.stamp_ns, scan.receiver, scan.readings, taken_m)):
             self._by_place.add(PlacedWifiScan(scan.receiver, point, scan.readings, taken_m))
 
     def _taken_m(self, scan: _Scan, path: DrivenPath) -> Floats:
@@ -145,6 +146,6 @@ class WifiIntake:
     def _at(self, taken_ns: int, path: DrivenPath) -> PathPoint | None:
         """The path at a moment; a moment shortly before the first pose counts as that of the first pose."""
         first = self._first
-        if first and taken_ns < first.stamp_ns <= taken_ns + EARLY_NS:
+        if first and taken_ns < first.stamp_ns <= taken_ns + self._early_ns:
             return first
         return path.at(taken_ns)

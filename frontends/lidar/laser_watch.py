@@ -3,17 +3,18 @@
 A complaint rests on the last scans taken together: some drivers cut a sweep into several scans, most of them empty.
 """
 
-from collections import deque
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.frontends.complaints import Complaints, Fault
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor
 
-BLOCKED, FEW_RETURNS, LATE, SILENT = "blocked", "few_returns", "late", "silent"
+BLOCKED, FEW_RETURNS, LATE = "blocked", "few_returns", "late"
+NAME = "laser"
 
 COVER_M = 0.15  # nearer is something on the sensor
 BLOCKED_SHARE = 0.8  # of all beams; a fifth was seen to end at a robot's own parts
@@ -21,7 +22,6 @@ FEW_SHARE = 0.2  # of all beams; sound lasers in bare corridors were seen to hav
 LATE_NS = 1_500_000_000  # after the odometry of the same stamp
 FAULTY, WINDOW = 16, 20  # so many faulty ones among the last so many scans are a complaint
 SILENT_S = 30  # sound recordings have scans 14 s apart
-GAP_NS = SECOND_NS
 
 LIMIT_SHARE = 0.998  # of range_max: drivers say a little less where nothing returns
 CEILING_SHARE = 0.05  # of all beams at the scan's largest range; walls were seen to give 0.022
@@ -33,13 +33,11 @@ TEXTS = {
     BLOCKED: "something covers it; such scans are not used",
     FEW_RETURNS: "few of its beams return (glass, dirt, or a place wider than its range)",
     LATE: f"its scans are {LATE_NS / SECOND_NS} s and more behind the odometry: they come late, or its clock is slow",
-    SILENT: f"no scan for {SILENT_S} s",
 }
-ENDS = {
-    BLOCKED: "it sees again",
-    FEW_RETURNS: "its beams return again",
-    LATE: "its scans come in time again",
-    SILENT: "scans come again",
+RULES = {
+    BLOCKED: Fault(FAULTY, WINDOW, "it sees again"),
+    FEW_RETURNS: Fault(FAULTY, WINDOW, "its beams return again"),
+    LATE: Fault(FAULTY, WINDOW, "its scans come in time again"),
 }
 
 
@@ -47,18 +45,15 @@ class LaserWatch:
     """Watches the laser that is used, in bounded memory."""
 
     def __init__(self) -> None:
-        self._recent: dict[str, deque[bool]] = {f: deque(maxlen=WINDOW) for f in (BLOCKED, FEW_RETURNS, LATE)}
-        self._complaints: set[str] = set()
+        self._complaints = Complaints("{}", RULES, SILENT_S)
         self._ceiling = Ceiling()
-        self._silent_ns: int | None = None
-        self._now_ns: int | None = None
 
     def add(self, stamp_ns: int, sweep: Sweep, late_ns: int) -> Generator[Event, None, Sweep | None]:
         """A sweep has come, `late_ns` after the odometry of its stamp; returns what is to be used of it, if anything.
 
         Of a cloud only the time is watched.
         """
-        self._silent_ns = 0
+        self._complaints.heard(NAME)
         yield from self._judge(stamp_ns, LATE, late_ns > LATE_NS)
         return sweep if isinstance(sweep, PointCloud) else (yield from self._look(stamp_ns, sweep))
 
@@ -76,24 +71,11 @@ class LaserWatch:
         return scan
 
     def pass_time(self, stamp_ns: int) -> Iterator[Event]:
-        """The odometry has come to `stamp_ns`: has the laser sent nothing for long? Its own gaps count for a second."""
-        step_ns = 0 if self._now_ns is None else min(stamp_ns - self._now_ns, GAP_NS)
-        self._now_ns = stamp_ns
-        if self._silent_ns is not None:
-            self._silent_ns += step_ns
-            yield from self._tell(stamp_ns, SILENT, self._silent_ns > SILENT_S * SECOND_NS)
+        """Complain if the laser has sent nothing for long when the odometry has come to `stamp_ns`."""
+        return self._complaints.pass_time(stamp_ns)
 
     def _judge(self, stamp_ns: int, fault: str, faulty: bool) -> Iterator[Event]:
-        recent = self._recent[fault]
-        recent.append(faulty)
-        yield from self._tell(stamp_ns, fault, sum(recent) >= FAULTY)
-
-    def _tell(self, stamp_ns: int, fault: str, lasts: bool) -> Iterator[Event]:
-        if lasts == (fault in self._complaints):
-            return
-        self._complaints ^= {fault}
-        said = f"laser: {TEXTS[fault] if lasts else ENDS[fault]}"
-        yield Warned(stamp_ns, said, f"laser.{fault}", ends=not lasts)
+        yield from self._complaints.judge(stamp_ns, NAME, fault, [faulty], TEXTS[fault])
 
 
 class Ceiling:

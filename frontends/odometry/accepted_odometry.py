@@ -1,6 +1,6 @@
-"""The one way in for odometry: faults, the time base and the order decide what becomes part of the driven path.
+"""Decides which odometry messages extend the driven path: by faults, the time base and their order.
 
-The pipeline and the live pose both go through here, so that they accept the same messages, bit for bit.
+The pipeline and the live pose both use it, so that they accept the same messages and get the same path, bit for bit.
 """
 
 from copy import deepcopy
@@ -20,7 +20,7 @@ class AcceptedOdometry:
     """The driven `path` and the `time` base of a drive; `received` counts the messages, the dropped ones included."""
 
     def __init__(self, config: OdometryConfig) -> None:
-        self.time = TimeBase()
+        self.time = TimeBase(config.clock)
         self.path = DrivenPath(config)
         self.received = 0
 
@@ -44,12 +44,12 @@ class AcceptedOdometry:
         return self.path.latest is not None and stamp_ns <= self.path.latest.stamp_ns
 
     def tip(self) -> Self:
-        """A copy whose path knows its newest point alone."""
+        """A copy whose path holds its newest point alone."""
         return deepcopy(self, {id(self.path): self.path.tip()})
 
 
 def fault_of(T_odom_base: Pose2) -> DropReason | None:
-    """Why a pose cannot be one of the odometry; None if it can."""
+    """Why a pose is dropped; None if it can be odometry."""
     if not T_odom_base.is_finite():
         return DropReason.NON_FINITE
     absurd = max(abs(T_odom_base.x), abs(T_odom_base.y)) > FURTHEST_M

@@ -1,7 +1,7 @@
-"""The path that the odometry drove: increments joined, and the motion between any two moments of it."""
+"""The path driven by odometry: increments joined, and the motion between any two moments of it."""
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 
@@ -9,16 +9,14 @@ from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
-RESTART_M = 0.5  # odometry this near to its own origin has just been started
-LEAST_LEAP_M = 0.5  # a shorter step is never a leap, however little time it took: stamps of one burst lie close
-LONGEST_S = 3600.0  # between two keyframes; a longer gap is a clock's, and would count as years of a gyroscope's bias
+LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
 
 
 @dataclass(frozen=True, slots=True)
 class PathPoint:
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
-    `discontinuities` counts where the odometry was found to have begun anew while nobody looked.
+    `discontinuities` counts the restarts of the odometry of which the motion is unknown.
     """
 
     stamp_ns: int
@@ -27,7 +25,7 @@ class PathPoint:
     discontinuities: int = 0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
-        """What the wheels say of the way from here to `later`."""
+        """The wheels' motion from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
         return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
@@ -36,9 +34,8 @@ class PathPoint:
 class DrivenPath:
     """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion."""
 
-    def __init__(self, config: OdometryConfig, keep_s: float = 30.0) -> None:
+    def __init__(self, config: OdometryConfig) -> None:
         self._config = config
-        self._keep_ns = int(keep_s * 1e9)
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._was_away = False
@@ -53,11 +50,11 @@ class DrivenPath:
         self._raw = None
 
     def go_on(self) -> None:
-        """Some odometry may be missing before the next: it may have begun anew, with the robot moved meanwhile."""
+        """Odometry may be missing before the next pose: if it restarted, the robot may have been moved meanwhile."""
         self._was_away = True
 
     def tip(self) -> "DrivenPath":
-        """A copy that knows the newest point alone."""
+        """A copy that holds the newest point alone."""
         copy = DrivenPath(self._config)
         copy._points.extend(list(self._points)[-1:])
         copy._raw, copy._was_away = self._raw, self._was_away
@@ -74,21 +71,23 @@ class DrivenPath:
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * 1e-9
             restarted = self._was_away and self._has_restarted(T_odom_base)
-            if restarted or not distance <= max(LEAST_LEAP_M, self._config.max_speed_m_s * seconds):
+            if restarted or not distance <= max(self._config.min_leap_m, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
                 discontinuities += self._was_away
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
-        while self._points[0].stamp_ns < stamp_ns - self._keep_ns and len(self._points) > 2:
+        kept_ns = int(self._config.path_s * 1e9)
+        while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
 
     def _has_restarted(self, T_odom_base: Pose2) -> bool:
-        """Whether a pose is about where odometry begins, and the last one was not."""
+        """Whether a pose is near the origin of the odometry, and the last one was not."""
         if self._raw is None:
             return False
-        return math.hypot(T_odom_base.x, T_odom_base.y) < RESTART_M < 0.5 * math.hypot(self._raw.x, self._raw.y)
+        before_m, now_m = math.hypot(self._raw.x, self._raw.y), math.hypot(T_odom_base.x, T_odom_base.y)
+        return now_m < self._config.restart_m < 0.5 * before_m
 
     def at(self, stamp_ns: int) -> PathPoint | None:
         """The path at a moment, interpolated; None where it lies outside of what is kept."""
@@ -104,8 +103,3 @@ class DrivenPath:
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
         return PathPoint(stamp_ns, pose, path_m, before.discontinuities)
-
-    def since(self, stamp_ns: int) -> list[PathPoint]:
-        """The points after a moment, oldest first."""
-        i = bisect_right(self._points, stamp_ns, key=lambda p: p.stamp_ns)
-        return [self._points[k] for k in range(i, len(self._points))]

@@ -1,8 +1,7 @@
-"""The pose at the rate of the odometry: from the newest estimate that is known, without waiting for the next."""
+"""Gives the pose at the rate of the odometry, extrapolated from the newest estimate."""
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
-ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m², m², rad²: the first keyframe is the origin by definition
+ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m^2, rad^2: 0 by definition, kept positive definite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +49,9 @@ class Anchor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """What was known when `odometry` had been accepted: its path's end, its time base, and the anchor there.
+    """What a live pose goes on from: the `odometry` accepted so far, and the anchor at that time.
 
-    `anchor` is None while the laser leads: the pose is then not the odometry's to give. `serial` counts a drive's
+    `anchor` is None while the laser leads: poses are then not extrapolated by odometry. `serial` counts a drive's
     estimates from 1.
     """
 
@@ -62,29 +61,16 @@ class Estimate:
 
 
 class LivePose:
-    """Gives a pose for each odometry message at once, on the newest estimate, which may be some messages old.
+    """Gives a pose for each odometry message at once, by the newest estimate, which may be some messages old.
 
-    The same calls in the same order give the same poses.
+    It reads no clock: the same calls in the same order give the same poses.
     """
 
     def __init__(self, config: OdometryConfig, calibration: WheelCalibration | None = None) -> None:
         self._config = config
         self._calibration = (calibration or calibration_prior(config)).values
-        self._begun = False
         self._since: deque[Odometry] = deque()
         self._estimate = Estimate(0, AcceptedOdometry(config), None)
-
-    @classmethod
-    def resumed(cls, config: OdometryConfig, calibration: WheelCalibration | None, estimate: Estimate) -> Self:
-        """One that goes on where all odometry so far is in `estimate`."""
-        live = cls(config, calibration)
-        live.adopt(estimate)
-        return live
-
-    @property
-    def serial(self) -> int:
-        """The number of the estimate in use; 0 before the first."""
-        return self._estimate.serial
 
     def add(self, m: Odometry) -> PosePublished | None:
         """The pose for the next message; None where the message is dropped, or the laser leads."""
@@ -92,22 +78,21 @@ class LivePose:
         point = self._estimate.odometry.accept(m)
         if point is None:
             return None
-        if not self._begun:
+        if self._estimate.serial == 0 and self._estimate.anchor is None:
             self._begin(point)
         anchor = self._estimate.anchor
         return anchor.pose_at(point, m.pose, self._config) if anchor else None
 
     def adopt(self, estimate: Estimate) -> list[PosePublished]:
-        """Go on from `estimate`, which belongs to this object from now on.
+        """Go on from `estimate`, of which this object becomes the owner, and accept again what came after it.
 
-        Returns the poses of messages since then that had none, because the laser led until now.
+        Returns poses for the messages after it where there were none before, since the laser led.
         """
         laser_led = self._estimate.anchor is None
         newer = max(0, self._estimate.odometry.received - estimate.odometry.received)
         while len(self._since) > newer:
             self._since.popleft()
         self._estimate = estimate
-        self._begun = True
         reached = [(m, estimate.odometry.accept(m)) for m in self._since]
         if not laser_led or estimate.anchor is None:
             return []
@@ -115,6 +100,5 @@ class LivePose:
 
     def _begin(self, point: PathPoint) -> None:
         """The first pose is the origin of `map`."""
-        self._begun = True
         anchor = Anchor(point, Pose2(), ORIGIN_COVARIANCE, self._calibration, 1.0, State.TRACKING)
         self._estimate = replace(self._estimate, anchor=anchor)

@@ -1,6 +1,6 @@
-"""The settings of wheel odometry: keyframes, and how wheels err."""
+"""The settings of wheel odometry: keyframes, the driven path, the time base, and how wheels err."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,23 +9,45 @@ from wayfi.backend.options import option
 
 
 @dataclass(frozen=True)
+class ClockConfig:
+    """When stamps that jump are faults, and when the clock was set."""
+
+    lasting_jump_s: float = option(1.0, "s", "back; less is messages out of order, which are dropped one by one")
+    lasting_messages: int = option(5, "messages", "in a row on the other side of a jump: broken stamps come singly")
+    leap_s: float = option(60.0, "s", "ahead: one message is a broken stamp, as many as above are a gap in the data")
+
+
+@dataclass(frozen=True)
 class OdometryConfig:
-    """Keyframes, and how wheels err."""
+    """Keyframes, the driven path, and how wheels err."""
 
     keyframe_distance_m: float = option(0.5, "m", "a submap keeps its detail, 1 km stays 2,000 keyframes")
     keyframe_turn_rad: float = option(0.5, "rad", "half of what a scan still overlaps when the view is 180 degrees")
     keyframe_seconds: float = option(10.0, "s", "a robot that creeps or waits still gets one, if it moved at all")
     keyframe_still_m: float = option(0.05, "m", "less motion than this is standing still")
+    keyframe_still_rad: float = option(0.05, "rad", "as above")
+    keyframe_min_factor: float = option(0.2, "", "of these distances where the wheels are poor: one every 0.1 m")
+    path_s: float = option(30.0, "s", "of path are kept for scans and readings that come late; phones' are seconds old")
+    laser_lead_s: float = option(
+        2.0, "s", "of scans without odometry until the laser leads: longer than any hiccup seen"
+    )
     max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
+    min_leap_m: float = option(0.5, "m", "a shorter step is no reset, whatever its speed: stamps of a burst lie close")
+    restart_m: float = option(0.5, "m", "from its origin odometry has just been started, if it was twice as far before")
     sigma_xy_per_sqrt_m: float = option(0.02, "m per sqrt(m)", "random part of the distance: 2 cm over 1 m")
     sigma_theta_per_sqrt_m: float = option(0.003, "rad per sqrt(m)", "what real logs leave once the bias is known")
     sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")
     sigma_still_m: float = option(0.003, "m", "what standing still leaves open")
     sigma_still_rad: float = option(0.002, "rad", "as above")
-    prior_distance_scale: float = option(0.01, "1", "closures that say '0 m apart' shrink the map where it is loose")
+    sigma_restart_m: float = option(
+        1.0, "m", "a robot that was pushed aside while nothing ran, and its odometry began anew"
+    )
+    sigma_restart_rad: float = option(0.5, "rad", "as above")
+    prior_distance_scale: float = option(0.01, "1", "loose: closures that claim 0 m apart shrink the map")
     prior_turn_scale: float = option(0.03, "1", "the wheels' track as it is measured by hand")
     prior_turn_bias_rad_per_m: float = option(0.03, "rad/m", "real robots were seen to turn 0.026 by themselves")
     prior_turn_bias_rad_per_s: float = option(0.0005, "rad/s", "a gyroscope's bias; wheels have none")
+    clock: ClockConfig = field(default_factory=ClockConfig)
 
 
 def calibration_prior(config: OdometryConfig) -> WheelCalibration:

@@ -1,4 +1,4 @@
-"""The two trajectories of a drive: as it was published, and as it is believed at the end."""
+"""The two trajectories of a drive: as it was published, and as it is estimated at the end."""
 
 from array import array
 

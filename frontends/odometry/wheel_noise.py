@@ -1,4 +1,4 @@
-"""The random part of what wheels say."""
+"""The covariance of the random part of the wheels' odometry."""
 
 import numpy as np
 
@@ -6,8 +6,7 @@ from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
-DISCONTINUITY_COVARIANCE = np.diag([1.0, 1.0, 0.25])  # m², m², rad²: a robot that was pushed aside while it was off
-LEAST_VARIANCE_RAD2 = 1e-8  # keeps the covariance of a motion without any path positive definite
+LEAST_VARIANCE_RAD2 = 1e-8  # (0.1 mrad)^2: the covariance of a motion without any path stays positive definite
 
 
 def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_scale: float = 1.0) -> Floats:
@@ -25,5 +24,7 @@ def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_sca
     x, y = motion.pose.x, motion.pose.y
     lever = np.array([-0.5 * y, 0.5 * x, 1.0])
     covariance: Floats = covariance_scale * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
-    covariance += np.diag([0.0, 0.0, LEAST_VARIANCE_RAD2]) + motion.discontinuities * DISCONTINUITY_COVARIANCE
+    restarted_m2 = motion.discontinuities * config.sigma_restart_m**2
+    restarted_rad2 = motion.discontinuities * config.sigma_restart_rad**2
+    covariance += np.diag([restarted_m2, restarted_m2, LEAST_VARIANCE_RAD2 + restarted_rad2])
     return covariance

@@ -23,12 +23,12 @@ class Fingerprint:
 
     @property
     def path_m(self) -> float:
-        """How far the robot had driven."""
+        """The path driven up to it, m."""
         return self.point.path_m
 
     @property
     def place(self) -> Floats:
-        """(2,) m where it was taken, in its keyframe."""
+        """(2,) m, its place in the frame of its keyframe."""
         return np.array([self.T_keyframe_base.x, self.T_keyframe_base.y])
 
 
@@ -36,7 +36,7 @@ class Fingerprint:
 class WifiCandidate:
     """Fingerprint `b` is similar to the earlier `a`: both are of one place, to `sigma_m` along each axis.
 
-    `mutual` says whether b is the most similar to a of the places that neighbour b.
+    `mutual`: of the fingerprints that neighbour b on the path, none is more similar to a than b is.
     """
 
     a: Fingerprint

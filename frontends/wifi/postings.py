@@ -1,9 +1,9 @@
-"""Which fingerprints have most in common with one: lists of who heard an access point how strongly, read boundedly.
+"""An inverted index: finds the fingerprints that have most in common with one, at a bounded cost.
 
-A list holds the fingerprints that heard one access point within one step of RSSI. However long a drive becomes, only
-the newest `MOST_OF_LIST` of a list are read, and no more lists after `ENOUGH` in all: where a building is driven again
-and again, the newest passes speak for the older ones. The lists rank candidates, roughly; their similarity is for
-others to compute.
+A posting list holds the numbers of the fingerprints that heard one access point within one step of RSSI. However long a
+drive becomes, only the newest `MOST_OF_LIST` postings of a list are read, and no further lists after `ENOUGH` postings:
+where a building is driven again and again, the newest passes stand for the older ones. The lists rank candidates to a
+step of RSSI; `FingerprintIndex` computes their similarity.
 """
 
 import heapq
@@ -19,24 +19,24 @@ from wayfi.frontends.wifi.readings import LOWEST_DBM
 
 Ints = NDArray[np.int32]
 
-STEPS_APART = 2  # access points heard more than two sigmas apart make no candidate
-MOST_OF_LIST = 4096
-ENOUGH = 100_000  # half a millisecond
-BLOCK = 32
+STEPS_APART = 2  # of RSSI, one sigma each: levels further apart add less than exp(-2) to a similarity
+MOST_OF_LIST = 4096  # postings: every fingerprint of 2 km of path
+ENOUGH = 100_000  # postings: half a millisecond, so that a search takes 1 to 3 ms among 100,000 fingerprints
+BLOCK = 32  # postings: an access point is heard over some ten metres; a last block half empty wastes 64 bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
-    """(m,) `numbers` of the fingerprints that have most in common with one, rising, and how many postings were read."""
+    """(m,) `numbers` of the fingerprints that have most in common with one, rising, and the number of postings read."""
 
     numbers: NDArray[np.int64]
     postings_read: int
 
 
 class _Chains(NamedTuple):
-    """A list is a chain of blocks: `newest` (access points, steps) begins it, `older` (blocks,) leads on; -1 ends it.
+    """Posting lists as linked blocks: `newest` (access points, steps) is the first, `older` (blocks,) the next.
 
-    `blocks` (blocks, BLOCK) holds fingerprint numbers, `filled` (blocks,) of them.
+    -1 stands for no block. `blocks` (blocks, BLOCK) holds fingerprint numbers, of which `filled` (blocks,) are in use.
     """
 
     newest: Ints
@@ -46,7 +46,7 @@ class _Chains(NamedTuple):
 
 
 class Postings:
-    """A list for each access point and each step of `sigma_db`; fingerprints are put on them in rising order."""
+    """A list for each access point and each step of `sigma_db`; fingerprints are added in rising order."""
 
     def __init__(self, sigma_db: float) -> None:
         self._sigma_db = sigma_db
@@ -58,7 +58,7 @@ class Postings:
         self._common = np.zeros(1024)
 
     def add(self, number: int, aps: Ints, rssi: NDArray[np.float32]) -> None:
-        """Put fingerprint `number` on the lists of the `aps` (n,) that it heard at `rssi` (n,) dBm."""
+        """Add fingerprint `number` to the lists of the `aps` (n,) that it heard at `rssi` (n,) dBm."""
         self._reserve(aps)
         if number >= len(self._common):
             self._common = np.zeros(2 * number)
@@ -67,10 +67,10 @@ class Postings:
     def overlap(
         self, aps: Ints, rssi: NDArray[np.float32], weights: NDArray[np.float64], before: int, most: int
     ) -> Overlap:
-        """The `most` fingerprints below `before` that share most with one that heard `aps` (n,) at `rssi` (n,) dBm.
+        """The `most` fingerprints below `before` with most in common with one that heard `aps` (n,) at `rssi` (n,) dBm.
 
-        What they share counts by `weights` (n,); of equals the earlier is taken. `aps` come in order of what they tell:
-        the last are not asked where the first have `ENOUGH` to say.
+        An access point counts by its weight of `weights` (n,); of equals the earlier is returned. `aps` come in falling
+        order of importance: the last are left out once `ENOUGH` postings of the first were read.
         """
         self._reserve(aps)
         return Overlap(*_overlap(aps, self._steps(rssi), weights, before, most, self._chains, self._common))
@@ -116,7 +116,29 @@ def _overlap(
     chains: _Chains,
     common: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], int]:
-    """Adds up what is shared in `common` (fingerprints,), all zeros before and after."""
+    """The numbers, and the postings read; `common` (fingerprints,) is all zeros before and after."""
+    met, read = _sum_common(aps, steps, weights, before, chains, common)
+    best = [(0.0, 0) for _ in range(0)]
+    for number in met:
+        entry = (common[number], -number)
+        common[number] = 0.0
+        if len(best) < most:
+            heapq.heappush(best, entry)
+        elif entry > best[0]:
+            heapq.heapreplace(best, entry)
+    return np.sort(np.array([-number for _, number in best], np.int64)), read
+
+
+@njit(cache=True)
+def _sum_common(
+    aps: Ints,
+    steps: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    before: int,
+    chains: _Chains,
+    common: NDArray[np.float64],
+) -> tuple[Ints, int]:
+    """Adds to `common` what each fingerprint has in common; returns these fingerprints, and the postings read."""
     newest, blocks, filled, older = chains
     met = np.empty(ENOUGH + (2 * STEPS_APART + 1) * MOST_OF_LIST, np.int32)
     count, read = 0, 0
@@ -137,12 +159,4 @@ def _overlap(
                         common[number] += shared
                 left -= filled[block]
                 block = older[block]
-    best = [(0.0, 0) for _ in range(0)]
-    for number in met[:count]:
-        entry = (common[number], -number)
-        common[number] = 0.0
-        if len(best) < most:
-            heapq.heappush(best, entry)
-        elif entry > best[0]:
-            heapq.heapreplace(best, entry)
-    return np.sort(np.array([-number for _, number in best], np.int64)), read
+    return met[:count], read

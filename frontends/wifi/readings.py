@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.odometry.driven_path import PathPoint
 
-LOWEST_DBM, HIGHEST_DBM = -120.0, 0.0  # below any receiver's noise, and above any transmitter next to it
+LOWEST_DBM, HIGHEST_DBM = -120.0, 0.0  # thermal noise in 20 MHz is -101 dBm; 1 m from 100 mW it is -20
 _BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
@@ -56,11 +57,16 @@ def usable_readings(scan: WifiScan) -> tuple[Readings, list[DropReason]]:
     return Readings(tuple(usable), rssi_age[:, 0], rssi_age[:, 1]), dropped
 
 
-def mean_readings(scans: list[Readings], least_scans: float = 0.0) -> Readings:
-    """The mean RSSI of each BSSID that was heard in `least_scans` or more of the scans; ages are no longer known."""
+def mean_readings(scans: list[Readings], least_scans: float) -> Readings:
+    """The mean RSSI of each BSSID that was heard in `least_scans` or more of the scans, of unknown age."""
     levels: dict[str, list[float]] = {}
     for readings in scans:
         for bssid, rssi in zip(readings.bssids, readings.rssi.tolist(), strict=True):
             levels.setdefault(bssid, []).append(rssi)
-    mean = {bssid: sum(rssi) / len(rssi) for bssid, rssi in levels.items() if len(rssi) >= least_scans}
-    return Readings(tuple(mean), np.array(list(mean.values()), np.float32), np.zeros(len(mean), np.float32))
+    return mean_of_levels({bssid: rssi for bssid, rssi in levels.items() if len(rssi) >= least_scans})
+
+
+def mean_of_levels(levels: Mapping[str, Sequence[float]]) -> Readings:
+    """One reading for each BSSID, the mean of its levels (dBm, one or more), of unknown age."""
+    mean = np.array([sum(rssi) / len(rssi) for rssi in levels.values()], np.float32)
+    return Readings(tuple(levels), mean, np.zeros(len(mean), np.float32))

@@ -1,9 +1,9 @@
-"""Scans into fingerprints of half a metre of path, and fingerprints that were heard before into loop candidates.
+"""Makes fingerprints of the scans over half a metre of path, and loop candidates of similar fingerprints.
 
-A fingerprint is paired with the most similar earlier one. How far apart the two places may be is read off the robot's
-own path (see self_similarity), and the fingerprints around them decide whether they are each other's best: the sequence
-of Ismail et al. (arXiv 2206.08733) without its rigid motion, whose heading is wrong where the window is straight or was
-driven the other way.
+A fingerprint is paired with the most similar earlier one. `self_similarity` estimates how far apart the two places may
+be, and the fingerprints around the later place decide whether the pair is mutual. This replaces the sequence of Ismail
+et al. (arXiv 2206.08733), which fits a rigid motion to two windows of fingerprints: its heading is wrong where the
+window is straight or was driven the other way.
 """
 
 import math
@@ -20,12 +20,8 @@ from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex, Similar
 from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
 from wayfi.frontends.wifi.readings import PlacedWifiScan, mean_readings
 from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers
-from wayfi.frontends.wifi.self_similarity import REACH_M, SelfSimilarity
+from wayfi.frontends.wifi.self_similarity import SelfSimilarity
 from wayfi.frontends.wifi.wifi_config import WifiConfig
-
-_STILL_M = 0.02  # of path: odometry of a robot that stands jitters by less
-_LONGEST = 2  # times its usual length: scans further apart than this are fingerprints of their own
-_SIGMAS_OF_RMS = 0.5  # two axes share the rms; that it is the best match takes half of the variance away again
 
 
 class _AnchoredScan(NamedTuple):
@@ -37,36 +33,36 @@ class _AnchoredScan(NamedTuple):
 
 
 class WifiFrontend:
-    """Fingerprints as they come, and the loop candidates that they propose."""
+    """Gathers scans to fingerprints and proposes loop candidates between them."""
 
     def __init__(self, config: WifiConfig, receivers: Mapping[str, ReceiverOffset]) -> None:
         self._config = config
         self._index = FingerprintIndex(config.similarity_sigma_db)
-        self._access_points = AccessPoints(self._index)
-        self.receivers = Receivers(receivers)
+        self._access_points = AccessPoints(self._index, config.access_points)
+        self.receivers = Receivers(config.receivers, receivers)
         self._open: dict[str, list[_AnchoredScan]] = {}
         self._ended_m: dict[str, float] = {}
-        self._self_similarity = SelfSimilarity(config.near_m)
+        self._self_similarity = SelfSimilarity(config.near_m, config.self_similarity)
+        self._reach_m = config.self_similarity.reach_m
         self._held: deque[WifiCandidate] = deque()
         self._last_candidate_m = -math.inf
-        self._path_m = np.empty(64)
-        self._far = 0
+        self._far = 0  # the first fingerprint too near along the path to close a loop with the newest
         self.fingerprints: list[Fingerprint] = []
 
     def add_scan(self, scan: PlacedWifiScan, keyframe: int, T_keyframe_base: Pose2) -> Fingerprint | None:
         """Add a scan taken at `T_keyframe_base` of `keyframe`; returns the fingerprint that it completes, if any.
 
-        While the robot stands, a receiver gets one fingerprint and no more.
+        While the robot stands still, each receiver completes one fingerprint at most.
         """
         receiver, point = scan.receiver, scan.point
-        if point.path_m - self._ended_m.get(receiver, -math.inf) < _STILL_M:
+        if point.path_m - self._ended_m.get(receiver, -math.inf) < self._config.still_m:
             return None
         anchored = _AnchoredScan(scan, keyframe, T_keyframe_base)
         scans = self._open.setdefault(receiver, [])
         length_m = point.path_m - scans[0].scan.point.path_m if scans else 0.0
-        if length_m > _LONGEST * self._config.fingerprint_m:
+        if length_m > self._config.split_at * self._config.fingerprint_m:
             self._open[receiver] = [anchored]
-            return self._complete(receiver, scans) if length_m < REACH_M else None
+            return self._complete(receiver, scans) if length_m < self._reach_m else None
         scans.append(anchored)
         if length_m < self._config.fingerprint_m and len(scans) < self._config.fingerprint_scans:
             return None
@@ -75,31 +71,26 @@ class WifiFrontend:
         return self._complete(receiver, scans)
 
     def similar(self, fingerprint: Fingerprint) -> Similar:
-        """The most similar of the fingerprints that may close a loop; learns the path's self-similarity as well."""
-        own = [f for f in self._neighbouring(fingerprint.number, REACH_M) if f.receiver == fingerprint.receiver]
-        here = fingerprint.point.T_path_base
-        self._self_similarity.add(
-            self._similarities(fingerprint, own), np.array([here.distance(f.point.T_path_base) for f in own])
-        )
-        while self._path_m[self._far] <= fingerprint.path_m - self._config.min_path_m:
+        """The most similar of the earlier fingerprints that are far enough along the path to close a loop."""
+        while self.fingerprints[self._far].path_m <= fingerprint.path_m - self._config.min_path_m:
             self._far += 1
         return self._index.similar(fingerprint.number, self._far)
 
     def candidate(self, b: Fingerprint, similar: Similar) -> WifiCandidate | None:
-        """The most similar earlier place for `b`, if it is similar enough to be near."""
+        """A candidate of `b` and the most similar earlier fingerprint, if they are likely to be near each other."""
         if b.path_m - self._last_candidate_m < self._config.candidate_every_m or len(similar.numbers) == 0:
             return None
         a, similarity = self.fingerprints[int(similar.numbers[0])], float(similar.similarity[0])
         if b.path_m - a.path_m < self._config.min_path_m:
-            return None  # of another receiver, whose fingerprints are late
+            return None  # fingerprints of several receivers are not quite in the order of the path
         distance = self._self_similarity.distance(similarity)
         if distance.near < self._config.min_near:
             return None
         self._last_candidate_m = b.path_m
-        return WifiCandidate(a, b, similarity, _SIGMAS_OF_RMS * distance.rms_m)
+        return WifiCandidate(a, b, similarity, self._config.sigma_of_rms * distance.rms_m)
 
     def hold(self, candidate: WifiCandidate) -> None:
-        """Keep a candidate until the path after its later place has been driven as well."""
+        """Hold a candidate until the path after its later place has been driven as well."""
         self._held.append(candidate)
 
     def released(self, at_end: bool = False) -> list[WifiCandidate]:
@@ -112,7 +103,7 @@ class WifiFrontend:
         return released
 
     def confirm(self, candidate: WifiCandidate) -> None:
-        """Learn from two fingerprints that are believed to be of one place which access points agree."""
+        """Learn from the two fingerprints of an accepted candidate which access points agree."""
         self._access_points.confirm(candidate.a.number, candidate.b.number)
 
     def places(self, poses: Floats) -> Floats:
@@ -132,24 +123,25 @@ class WifiFrontend:
         fingerprint = Fingerprint(
             number, point.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, point, readings
         )
-        self._append(fingerprint)
+        self.fingerprints.append(fingerprint)
         self._access_points.learn(fingerprint.path_m)
+        self._learn_self_similarity(fingerprint)
         return fingerprint
 
-    def _append(self, fingerprint: Fingerprint) -> None:
-        if fingerprint.number == len(self._path_m):
-            self._path_m = np.resize(self._path_m, 2 * len(self._path_m))
-        self._path_m[fingerprint.number] = fingerprint.path_m
-        self.fingerprints.append(fingerprint)
+    def _learn_self_similarity(self, fingerprint: Fingerprint) -> None:
+        own = [f for f in self._neighbouring(fingerprint.number, self._reach_m) if f.receiver == fingerprint.receiver]
+        here = fingerprint.point.T_path_base
+        distance_m = np.array([here.distance(f.point.T_path_base) for f in own])
+        self._self_similarity.add(self._similarities(fingerprint, own), distance_m)
 
     def _neighbouring(self, number: int, reach_m: float) -> list[Fingerprint]:
         """The fingerprints within `reach_m` of path of fingerprint `number`, itself left out."""
         path_m = self.fingerprints[number].path_m
         first = number
-        while first > 0 and path_m - self._path_m[first - 1] <= reach_m:
+        while first > 0 and path_m - self.fingerprints[first - 1].path_m <= reach_m:
             first -= 1
         last = number
-        while last + 1 < len(self.fingerprints) and self._path_m[last + 1] - path_m <= reach_m:
+        while last + 1 < len(self.fingerprints) and self.fingerprints[last + 1].path_m - path_m <= reach_m:
             last += 1
         return [f for f in self.fingerprints[first : last + 1] if f.number != number]
 
@@ -160,7 +152,7 @@ class WifiFrontend:
         return bool((np.array(to_neighbours) <= to_b).all())
 
     def _similarities(self, fingerprint: Fingerprint, others: list[Fingerprint]) -> Floats:
-        """(n,) how similar it is to each of the others, as access points are weighed now."""
+        """(n,) its similarity to each of the others, by the present weights of the access points."""
         columns = np.array([f.number for f in others], np.int64)
         similarities: Floats = self._index.similarities(np.array([fingerprint.number]), columns)[0]
         return similarities

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.events import ClosureJudged, ClosureKind, Floats, Verdict
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.tum import seconds_text
 

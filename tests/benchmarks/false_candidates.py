@@ -89,7 +89,7 @@ def measurements(folder: Path) -> list[Measurement]:
 
 def final_ate_m(trial: Trial) -> float:
     """Run the pipeline over a deceived drive."""
-    slam.Wifi = partial(DeceivedWifi, trial=trial)
+    slam.WifiFrontend = partial(DeceivedWifi, trial=trial)
     pipeline = Pipeline(load_config((), ("lidar.enabled=false",)))
     for measurement in measurements(trial.case.folder):
         pipeline.process(measurement)

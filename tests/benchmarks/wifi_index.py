@@ -3,9 +3,9 @@
     python tests/benchmarks/wifi_index.py [--write]
 
 A robot drives one lap of 420 m again and again in two simulated buildings: path loss, shadowing, fading.
-Milliseconds of CPU are of storing a fingerprint, learning from it what the access points tell, and finding the most
-similar ones that are 30 m of path or more before it; against the exhaustive search for the same. --write appends to
-RESULTS.md.
+Milliseconds of CPU are of storing a fingerprint, learning the weights of the access points from it, and finding the
+most similar ones that are 30 m of path or more before it; against the exhaustive search for the same. --write appends
+to RESULTS.md.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from run import RESULTS, commit, row, say
 from wayfi.frontends.wifi.access_points import AccessPoints
 from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
 from wayfi.frontends.wifi.readings import Readings
+from wayfi.frontends.wifi.wifi_config import AccessPointConfig
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ class Drive:
     def __init__(self, building: Building) -> None:
         self._heard = fingerprints(building, lap())
         self.index = FingerprintIndex(SIGMA_DB)
-        self._access_points = AccessPoints(self.index)
+        self._access_points = AccessPoints(self.index, AccessPointConfig())
         self.places: list[Floats] = []
         for _ in range(3):
             self.go_on()()

@@ -109,8 +109,8 @@ def test_the_configuration_as_mappings_makes_the_same_again() -> None:
 
 
 def test_defaults_give_way_to_files_and_files_to_settings(tmp_path: Path) -> None:
-    first = file(tmp_path, "[wifi]\nnear_m = 2.0\nbeside_m = 11\nmin_readings = 3\n", "a.toml")
-    second = file(tmp_path, "[wifi]\nbeside_m = 12\nmin_readings = 4\n[closure.consensus]\nsteps = 5\n", "b.toml")
+    first = file(tmp_path, "[wifi]\nnear_m = 2.0\nneighbouring_m = 11\nmin_readings = 3\n", "a.toml")
+    second = file(tmp_path, "[wifi]\nneighbouring_m = 12\nmin_readings = 4\n[closure.consensus]\nsteps = 5\n", "b.toml")
     config = load_config([first, second], ["wifi.min_readings=5", "closure.consensus.drift=0.5"])
     assert (config.wifi.near_m, config.wifi.neighbouring_m, config.wifi.min_readings) == (2.0, 12, 5)
     assert (config.closure.consensus.steps, config.closure.consensus.drift) == (5, 0.5)

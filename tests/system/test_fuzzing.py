@@ -13,7 +13,8 @@ from fuzzing import Mutator
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished
-from wayfi.frontends.intake.scan_intake import MOST_FRAMES, MOST_WAITING
+from wayfi.frontends.intake.mounts import MOST_FRAMES
+from wayfi.frontends.intake.scan_queue import MOST_WAITING
 from wayfi.frontends.intake.wifi_intake import MOST_RECEIVERS
 from wayfi.frontends.intake.wifi_intake import MOST_WAITING as MOST_WIFI_WAITING
 from wayfi.frontends.measurements import (

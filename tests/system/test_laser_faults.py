@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all
+from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, KeyframeAdded, Verdict, Warned
-from wayfi.frontends.lidar.laser_watch import BLOCKED, FEW_RETURNS, LATE, SILENT
+from wayfi.frontends.lidar.laser_watch import BLOCKED, FEW_RETURNS, LATE
 from wayfi.frontends.measurements import LaserScan, Measurement
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.simulation import run as simulation

@@ -12,10 +12,11 @@ from drives import Simulated, change, write
 from drives import run as replayed
 
 from wayfi.backend.graph.health import State
+from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import Dropped, DropReason, Event, FingerprintAdded, StateChanged, Warned
 from wayfi.frontends.measurements import LaserScan, Measurement, Sensor, WifiScan
 from wayfi.frontends.pipeline import Pipeline
-from wayfi.frontends.wifi.wifi_watch import SILENT, SILENT_S
+from wayfi.frontends.wifi.wifi_config import WifiWatchConfig
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
@@ -233,7 +234,7 @@ def test_a_faulty_receiver_does_not_disturb_a_sound_one(fault: Faulty, wheels: R
 def test_wifi_works_again_after_ten_minutes_of_silence(wheels: Recorded) -> None:
     faulty = wheels.with_fault(stops_for_ten_minutes)
     begins, ends = faulty.warnings
-    assert f"no scan for {SILENT_S} s" in begins.text
+    assert f"no scan for {WifiWatchConfig().silent_s:g} s" in begins.text
     assert (begins.complaint, begins.ends, ends.ends) == (ends.complaint, False, True)
     heard_s = [(stamp_ns - wheels.measurements[0].stamp_ns) * 1e-9 for stamp_ns, _ in faulty.heard(SOUND)]
     assert len([s for s in heard_s if s < 60.0]) >= 3

@@ -8,12 +8,14 @@ import pytest
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
-from wayfi.frontends.intake.wifi_intake import EARLY_NS, WAIT_NS, WifiIntake
+from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.readings import PlacedWifiScan
+from wayfi.frontends.wifi.wifi_config import WifiConfig
 
+CONFIG = WifiConfig()
 S = 1_000_000_000
 SPEED_M_S = 0.5
 
@@ -31,7 +33,7 @@ class Drive:
     """A robot that drives straight on, and what its intake gives and says."""
 
     path: DrivenPath = field(default_factory=lambda: DrivenPath(OdometryConfig()))
-    intake: WifiIntake = field(default_factory=WifiIntake)
+    intake: WifiIntake = field(default_factory=lambda: WifiIntake(CONFIG))
     placed: list[PlacedWifiScan] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
@@ -119,7 +121,7 @@ def test_scans_before_the_first_pose_wait_for_five_seconds() -> None:
     for second in range(10):
         drive.hear(scan(float(second), [0.0] * 3))
     drive.odometry(9.0)
-    early = EARLY_NS // S
+    early = round(CONFIG.first_pose_s)
     assert drive.dropped() == [DropReason.NO_POSE] * (9 - early)
     assert len(drive.placed) == early + 1
     assert {placed.point.stamp_ns for placed in drive.placed} == {9 * S}
@@ -128,7 +130,7 @@ def test_scans_before_the_first_pose_wait_for_five_seconds() -> None:
 def test_a_gap_of_the_odometry_costs_no_scan() -> None:
     drive = Drive()
     drive.odometry(0.0)
-    wait = WAIT_NS // S
+    wait = round(CONFIG.odometry_s)
     for second in range(1, wait + 3):
         drive.hear(scan(float(second), [0.0] * 3))
     drive.odometry(wait + 3.0)

@@ -95,8 +95,8 @@ def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
     intake.add_transforms(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),)))
     points = intake.points(scan([2.0], angle_min=-math.pi / 2))
     np.testing.assert_allclose(points, [[0.5, 2.0]], atol=1e-6)
-    assert intake.knows("laser")
-    assert not intake.knows("another")
+    assert intake.mounts.knows("laser")
+    assert not intake.mounts.knows("another")
 
 
 def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
@@ -110,7 +110,7 @@ def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
     nan = StaticTransform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     elsewhere = StaticTransform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     intake.add_transforms(StaticTransforms(0, (nan, elsewhere)))
-    assert not intake.knows("laser")
+    assert not intake.mounts.knows("laser")
     np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)
 
 
@@ -220,38 +220,9 @@ def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: fl
         hit = T.transform(np.array([[r * math.cos(bearing), r * math.sin(bearing)]]))
         expected.append(T_path_start.T_path_base.inverse().transform(hit)[0])
     intake = ScanIntake(LidarConfig())
-    intake.wait(S, scan(ranges, -0.3, increment, each_s))
-    (found, taken), *_ = intake.ready(path)
+    intake.queue.add(S, scan(ranges, -0.3, increment, each_s))
+    (found, taken), *_ = intake.queue.ready(path)
     assert found is not None
     placed = intake.place(found, taken, path)
     assert placed is not None
     np.testing.assert_allclose(placed.hits, expected, atol=0.01)
-
-
-def test_a_scan_waits_until_the_odometry_has_covered_its_sweep() -> None:
-    path = DrivenPath(OdometryConfig())
-    intake = ScanIntake(LidarConfig())
-    intake.wait(S, scan([1.0] * 50, each_s=0.01))
-    path.advance(S // 2, Pose2())
-    path.advance(S + S // 4, Pose2())
-    assert intake.ready(path) == []
-    path.advance(S + S // 2, Pose2())
-    assert len(intake.ready(path)) == 1
-    assert intake.ready(path) == []
-
-
-def test_a_scan_from_before_the_path_has_no_place() -> None:
-    path, intake = DrivenPath(OdometryConfig()), ScanIntake(LidarConfig())
-    intake.wait(S // 2, scan([1.0]))
-    path.advance(S, Pose2())
-    assert [point for point, _ in intake.ready(path)] == [None]
-
-
-def test_scans_ahead_of_the_odometrys_clock_are_forgotten() -> None:
-    intake, ahead = ScanIntake(LidarConfig()), scan([2.0])
-    intake.wait(S, scan([1.0]))
-    intake.wait(10 * S, ahead)
-    assert intake.waited_ns == S  # a gap counts for a second
-    assert intake.drop_ahead(5 * S) == [ahead]
-    assert [stamp_ns for stamp_ns, _ in intake.waiting()] == [S]
-    assert intake.waited_ns == 0

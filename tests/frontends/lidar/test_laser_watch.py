@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wayfi.backend.pose2 import Floats
+from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import Dropped, Event, Warned
 from wayfi.frontends.lidar.laser_watch import (
     BLOCKED,
@@ -15,7 +16,6 @@ from wayfi.frontends.lidar.laser_watch import (
     FEW_RETURNS,
     LATE,
     LATE_NS,
-    SILENT,
     SILENT_S,
     WINDOW,
     LaserWatch,

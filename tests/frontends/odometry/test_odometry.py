@@ -1,6 +1,7 @@
 """The path that the wheels drive: increments, moments between messages, leaps, and when a keyframe is due."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,9 +22,9 @@ STEPS = st.lists(
 )
 
 
-def driven(steps: list[Pose2], start: Pose2 | None = None, keep_s: float = 1000.0) -> DrivenPath:
+def driven(steps: list[Pose2], start: Pose2 | None = None, path_s: float = 1000.0) -> DrivenPath:
     """One message a second."""
-    path, T = DrivenPath(CONFIG, keep_s), start or Pose2()
+    path, T = DrivenPath(replace(CONFIG, path_s=path_s)), start or Pose2()
     path.advance(0, T)
     for k, step in enumerate(steps):
         T = T @ step
@@ -77,7 +78,7 @@ def test_the_heading_is_interpolated_the_short_way_round() -> None:
 def test_a_moment_outside_of_what_is_kept_has_no_place() -> None:
     assert DrivenPath(CONFIG).at(0) is None
     assert DrivenPath(CONFIG).latest is None
-    path = driven([Pose2(0.1, 0.0, 0.0)] * 20, keep_s=5.0)
+    path = driven([Pose2(0.1, 0.0, 0.0)] * 20, path_s=5.0)
     assert path.at(21 * S) is None
     assert path.at(-1) is None
     assert path.at(10 * S) is None
@@ -113,12 +114,6 @@ def test_another_source_of_odometry_joins_without_motion() -> None:
     assert after is not None
     assert after.T_path_base == before.T_path_base @ Pose2()
     assert after.path_m == before.path_m
-
-
-def test_since_gives_what_came_after() -> None:
-    path = driven([Pose2(0.1, 0.0, 0.0)] * 5)
-    assert [point.stamp_ns for point in path.since(2 * S)] == [3 * S, 4 * S, 5 * S]
-    assert path.since(5 * S) == []
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wayfi.frontends.wifi.access_points import LEAST, AccessPoints
+from wayfi.frontends.wifi.access_points import AccessPoints
 from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
 from wayfi.frontends.wifi.readings import Readings
+from wayfi.frontends.wifi.wifi_config import AccessPointConfig
 
 Floats = NDArray[np.float64]
 
+CONFIG = AccessPointConfig()
 SIGMA_DB = 6.0
 STEP_M, LAP_M, LAPS = 0.5, 80.0, 3
 PER_LAP = int(LAP_M / STEP_M)
@@ -73,7 +75,7 @@ class WatchedIndex(FingerprintIndex):
 def learn(rssi: Floats, confirm: Callable[[int], int | None] = lambda _: None) -> WatchedIndex:
     """Drive with (n, a) dBm heard; `confirm` names the earlier fingerprint that is found to be of the same place."""
     index = WatchedIndex()
-    access_points = AccessPoints(index)
+    access_points = AccessPoints(index, CONFIG)
     for number, here in enumerate(rssi):
         index.add(readings(here))
         access_points.learn(number * STEP_M)
@@ -146,7 +148,7 @@ def test_a_robot_that_stands_still_learns_nothing(rng: np.random.Generator) -> N
     driven = fixed(drive(1), rng)
     rssi = np.vstack([driven, driven[-1] + rng.normal(0.0, 0.1, (300, FIXED))])
     index = WatchedIndex()
-    access_points = AccessPoints(index)
+    access_points = AccessPoints(index, CONFIG)
     for number, here in enumerate(rssi):
         index.add(readings(here))
         access_points.learn(min(number, PER_LAP - 1) * STEP_M)
@@ -158,13 +160,13 @@ def test_a_robot_that_stands_still_learns_nothing(rng: np.random.Generator) -> N
 def test_every_access_point_has_a_weight_as_soon_as_it_is_heard() -> None:
     learnt = learn(np.array([[-50.0, np.nan], [np.nan, -50.0]]))
     assert sorted(learnt.weights) == [bssid(0), bssid(1)]
-    assert all(LEAST < weight < 1.0 for weight in learnt.weights.values())
+    assert all(CONFIG.min_weight < weight < 1.0 for weight in learnt.weights.values())
 
 
 def test_a_path_that_falls_back_a_little_does_no_harm(rng: np.random.Generator) -> None:
     """Two receivers complete their fingerprints in turn, not in the order of the path."""
     index = WatchedIndex()
-    access_points = AccessPoints(index)
+    access_points = AccessPoints(index, CONFIG)
     for number, here in enumerate(fixed(drive(), rng)):
         index.add(readings(here))
         access_points.learn(max(0.0, number * STEP_M - (1.2 if number % 2 else 0.0)))

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings
-from wayfi.frontends.wifi.readings_by_place import NEAR_M, TOGETHER_S, ReadingsByPlace
+from wayfi.frontends.wifi.readings_by_place import ReadingsByPlace
+from wayfi.frontends.wifi.wifi_config import ByPlaceConfig
 
+CONFIG = ByPlaceConfig()
 S = 1_000_000_000
 NEVER_NS = 10**18
 SPEED_M_S = 0.5
@@ -41,47 +43,47 @@ AGES = st.lists(st.floats(0, 25, width=32), min_size=1, max_size=20)
 
 @given(st.lists(AGES, min_size=1, max_size=20))
 def test_what_counts_at_a_place_was_heard_near_it(scans: list[list[float]]) -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     for second, ages_s in enumerate(scans, start=30):
         add(by_place, float(second), ages_s)
     ready = by_place.ready(NEVER_NS)
     assert [placed.point.stamp_ns for placed in ready] == sorted(placed.point.stamp_ns for placed in ready)
     for placed in ready:
         ages_s = scans[placed.point.stamp_ns // S - 30]
-        whole = max(ages_s) <= TOGETHER_S
+        whole = max(ages_s) <= CONFIG.together_s
         if whole:
             assert placed.readings.bssids == BSSIDS[: len(ages_s)]
-        near_m = TOGETHER_S * SPEED_M_S if whole else NEAR_M
+        near_m = CONFIG.together_s * SPEED_M_S if whole else CONFIG.near_m
         assert np.abs(placed.readings.rssi + placed.point.path_m).max() <= near_m + 1e-4
 
 
 @given(st.lists(AGES, min_size=1, max_size=20))
 def test_every_reading_near_the_end_of_a_scan_counts(scans: list[list[float]]) -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     for second, ages_s in enumerate(scans, start=30):
         add(by_place, float(second), ages_s)
     levels = {placed.point.stamp_ns // S: level_of(placed) for placed in by_place.ready(NEVER_NS)}
     for ended, ages_s in enumerate(scans, start=30):
-        if max(ages_s) <= TOGETHER_S:
+        if max(ages_s) <= CONFIG.together_s:
             continue
         for second, others_s in enumerate(scans, start=30):
             for bssid, age_s in zip(BSSIDS, others_s, strict=False):
-                if abs(second - age_s - ended) * SPEED_M_S < NEAR_M - 1e-4:
+                if abs(second - age_s - ended) * SPEED_M_S < CONFIG.near_m - 1e-4:
                     assert bssid in levels[ended]
 
 
 def test_several_readings_of_one_access_point_give_their_mean() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     for second in range(30, 40):
         add(by_place, float(second), [1.0, 5.0])
     middle = by_place.ready(NEVER_NS)[3]
-    heard_m = [p for p in SPEED_M_S * (np.arange(30, 40) - 1.0) if abs(p - middle.point.path_m) <= NEAR_M]
+    heard_m = [p for p in SPEED_M_S * (np.arange(30, 40) - 1.0) if abs(p - middle.point.path_m) <= CONFIG.near_m]
     assert len(heard_m) > 2
     assert level_of(middle)[BSSIDS[0]] == pytest.approx(-np.mean(heard_m))
 
 
 def test_a_scan_is_ready_when_most_readings_of_its_place_have_come() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     add(by_place, 30.0, [0.0, 0.1, 0.2])
     add(by_place, 32.0, [0.0, 2.0, 4.0, 4.0, 4.0])
     assert [p.point.stamp_ns for p in by_place.ready(30 * S)] == [30 * S]
@@ -91,7 +93,7 @@ def test_a_scan_is_ready_when_most_readings_of_its_place_have_come() -> None:
 
 
 def test_receivers_are_kept_apart() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     for receiver, level in (("one", -40.0), ("two", -60.0)):
         by_place.add(PlacedWifiScan(receiver, point(30.0), readings([level] * 2, [0.0, 1.0]), np.array([15.0, 14.5])))
     assert {p.receiver: set(p.readings.rssi.tolist()) for p in by_place.ready(NEVER_NS)} == {
@@ -101,20 +103,20 @@ def test_receivers_are_kept_apart() -> None:
 
 
 def test_readings_whose_place_is_not_known_count_nowhere() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     by_place.add(PlacedWifiScan("phone", point(30.0), readings([-40.0, -50.0], [1.0, 50.0]), np.array([14.5, np.nan])))
     (placed,) = by_place.ready(NEVER_NS)
     assert placed.readings.bssids == BSSIDS[:1]
 
 
 def test_readings_too_old_to_have_a_place_hold_up_none() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
     by_place.add(PlacedWifiScan("phone", point(30.0), readings([-40.0, -50.0], [1.0, 1e6]), np.array([14.5, np.nan])))
     assert len(by_place.ready(31 * S)) == 1
 
 
 def test_a_robot_that_stands_still_gathers_no_more_and_no_more() -> None:
-    by_place = ReadingsByPlace()
+    by_place = ReadingsByPlace(CONFIG)
 
     def size_after(start: int, stop: int) -> int:
         for second in range(start, stop):

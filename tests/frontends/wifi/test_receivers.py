@@ -7,10 +7,12 @@ import pytest
 
 from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.wifi.readings import Readings
-from wayfi.frontends.wifi.receivers import PRIOR_SIGMA_DB, ReceiverOffset, Receivers, stronger_differences
+from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers, stronger_differences
+from wayfi.frontends.wifi.wifi_config import ReceiversConfig
 from wayfi.recordings.simulation.run import start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 
+CONFIG = ReceiversConfig()
 FADING_DB, DETECTION_DBM = 3.0, -92.0
 
 
@@ -27,7 +29,7 @@ def heard(offset_db: float, rng: np.random.Generator, aps: int = 40) -> Readings
 
 def driven(offsets_db: Mapping[str, float], metres: int, seed: int) -> Receivers:
     """Learnt on a drive on which every receiver completes a fingerprint every metre, 0.2 m after the one before it."""
-    rng, receivers = np.random.default_rng(seed), Receivers()
+    rng, receivers = np.random.default_rng(seed), Receivers(CONFIG, {})
     for path_m in range(metres):
         for k, (receiver, offset_db) in enumerate(offsets_db.items()):
             receivers.learn(receiver, path_m + 0.2 * k, heard(offset_db, rng))
@@ -59,7 +61,7 @@ def test_three_receivers_are_told_apart() -> None:
 
 
 def test_a_third_receiver_is_placed_by_the_second_where_it_never_meets_the_first() -> None:
-    rng, receivers = np.random.default_rng(2), Receivers()
+    rng, receivers = np.random.default_rng(2), Receivers(CONFIG, {})
     for path_m in range(40):
         receivers.learn("a", path_m, heard(0.0, rng))
         receivers.learn("b", path_m + 0.2, heard(3.0, rng))
@@ -72,17 +74,17 @@ def test_a_third_receiver_is_placed_by_the_second_where_it_never_meets_the_first
 
 def test_what_is_known_from_before_is_taken_up() -> None:
     known = {"a": ReceiverOffset(0.0, 0.0), "b": ReceiverOffset(-3.0, 0.4)}
-    receivers = Receivers(known)
+    receivers = Receivers(CONFIG, known)
     receivers.learn("b", 0.0, heard(-3.0, np.random.default_rng(0)))
     assert receivers.offsets == known
     receivers.learn("c", 100.0, heard(0.0, np.random.default_rng(1)))
-    assert receivers.offsets["c"] == ReceiverOffset(0.0, PRIOR_SIGMA_DB)
+    assert receivers.offsets["c"] == ReceiverOffset(0.0, CONFIG.prior_sigma_db)
 
 
 def test_what_is_known_from_before_gives_way_to_what_is_heard() -> None:
     rng, receivers = (
         np.random.default_rng(3),
-        Receivers({"a": ReceiverOffset(0.0, 0.0), "b": ReceiverOffset(-3.0, 0.4)}),
+        Receivers(CONFIG, {"a": ReceiverOffset(0.0, 0.0), "b": ReceiverOffset(-3.0, 0.4)}),
     )
     for path_m in range(200):
         receivers.learn("a", path_m, heard(0.0, rng))
@@ -91,7 +93,7 @@ def test_what_is_known_from_before_gives_way_to_what_is_heard() -> None:
 
 
 def test_readings_are_corrected_by_what_is_known() -> None:
-    receivers = Receivers({"a": ReceiverOffset(0.0, 0.0), "b": ReceiverOffset(-3.0, 0.4)})
+    receivers = Receivers(CONFIG, {"a": ReceiverOffset(0.0, 0.0), "b": ReceiverOffset(-3.0, 0.4)})
     uncorrected = readings({0: -50.0, 1: -63.5})
     assert receivers.corrected("b", uncorrected).rssi.tolist() == [-47.0, -60.5]
     assert receivers.corrected("b", uncorrected).bssids == uncorrected.bssids
@@ -101,16 +103,16 @@ def test_readings_are_corrected_by_what_is_known() -> None:
 
 @pytest.mark.parametrize("ahead_m", [-1.5, 1.5, 40.0])
 def test_fingerprints_of_different_places_are_not_compared(ahead_m: float) -> None:
-    rng, receivers = np.random.default_rng(0), Receivers()
+    rng, receivers = np.random.default_rng(0), Receivers(CONFIG, {})
     for path_m in range(0, 1000, 50):
         receivers.learn("a", path_m, heard(0.0, rng))
         receivers.learn("b", path_m + ahead_m, heard(-6.0, rng))
     assert receivers.offsets["b"].offset_db == 0.0
-    assert receivers.offsets["b"].sigma_db >= PRIOR_SIGMA_DB
+    assert receivers.offsets["b"].sigma_db >= CONFIG.prior_sigma_db
 
 
 def test_a_robot_that_stands_still_measures_once() -> None:
-    rng, receivers = np.random.default_rng(0), Receivers()
+    rng, receivers = np.random.default_rng(0), Receivers(CONFIG, {})
     for _ in range(100):
         receivers.learn("a", 7.0, heard(0.0, rng))
         receivers.learn("b", 7.0, heard(-6.0, rng))
@@ -118,10 +120,10 @@ def test_a_robot_that_stands_still_measures_once() -> None:
 
 
 def test_too_few_common_access_points_say_nothing() -> None:
-    receivers = Receivers()
+    receivers = Receivers(CONFIG, {})
     receivers.learn("a", 0.0, readings(dict.fromkeys(range(6), -50.0)))
     receivers.learn("b", 0.2, readings(dict.fromkeys(range(3, 9), -55.0)))
-    assert receivers.offsets["b"] == ReceiverOffset(0.0, PRIOR_SIGMA_DB)
+    assert receivers.offsets["b"] == ReceiverOffset(0.0, CONFIG.prior_sigma_db)
 
 
 def test_the_stronger_half_of_what_both_heard_is_compared() -> None:
@@ -137,7 +139,7 @@ def test_the_stronger_half_of_what_both_heard_is_compared() -> None:
 def test_the_phones_of_a_simulated_drive_are_told_apart_to_a_decibel(seed: int) -> None:
     """Readings seconds old included, as phones report them."""
     run = start(World.OFFICE, seed, minutes=4.0)
-    receivers, path_m = Receivers(), run.truth.path_m()
+    receivers, path_m = Receivers(CONFIG, {}), run.truth.path_m()
     for scan in wifi_scans(run):
         receivers.learn(scan.receiver, float(np.interp(scan.stamp_ns, run.truth.stamps_ns, path_m)), plain(scan))
     true_db = {phone.name: phone.offset_db for phone in run.phones}

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.wifi.self_similarity import REACH_M, SelfSimilarity
+from wayfi.frontends.wifi.self_similarity import SelfSimilarity
+from wayfi.frontends.wifi.wifi_config import SelfSimilarityConfig
 
+CONFIG = SelfSimilarityConfig()
 NEAR_M = 3.0
 
 
@@ -18,9 +20,9 @@ def faded(distance_m: Floats, rng: np.random.Generator) -> Floats:
 
 def learnt(pairs: int, seed: int = 0) -> tuple[SelfSimilarity, Floats, Floats]:
     rng = np.random.default_rng(seed)
-    distance = rng.uniform(0, REACH_M, pairs)
+    distance = rng.uniform(0, CONFIG.reach_m, pairs)
     similarity = faded(distance, rng)
-    own = SelfSimilarity(NEAR_M)
+    own = SelfSimilarity(NEAR_M, CONFIG)
     for k in range(0, pairs, 25):
         own.add(similarity[k : k + 25], distance[k : k + 25])
     return own, similarity, distance
@@ -54,7 +56,7 @@ def test_what_is_rarer_than_can_be_learnt_is_judged_by_what_is_next_to_it() -> N
 
 
 def test_pairs_beyond_the_reach_are_left_out() -> None:
-    own = SelfSimilarity(NEAR_M)
-    own.add(np.full(200, 0.5), np.full(200, REACH_M + 1))
+    own = SelfSimilarity(NEAR_M, CONFIG)
+    own.add(np.full(200, 0.5), np.full(200, CONFIG.reach_m + 1))
     assert own.distance(0.5).rms_m == math.inf
     own.add(np.empty(0), np.empty(0))

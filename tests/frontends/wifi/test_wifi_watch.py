@@ -6,13 +6,16 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
+from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.wifi.readings import Readings
-from wayfi.frontends.wifi.wifi_watch import CHANGE_M, CLOCK_NS, MOST_READINGS, SILENT, SILENT_S, WINDOWS, WifiWatch
+from wayfi.frontends.wifi.wifi_config import WifiWatchConfig
+from wayfi.frontends.wifi.wifi_watch import WifiWatch
 
+CONFIG = WifiWatchConfig()
 S = 1_000_000_000
 STEP_M = 0.2  # of path between two scans
-CLOCK_SCANS = WINDOWS[DropReason.CLOCK_OFF][1]
+CLOCK_SCANS = CONFIG.window_scans
 
 
 def readings(numbers: Iterable[int], rssi: Iterable[float]) -> Readings:
@@ -39,7 +42,7 @@ class Drive:
     """A receiver at one scan a second; what the watch says of it."""
 
     def __init__(self, receiver: str = "phone", watch: WifiWatch | None = None) -> None:
-        self.watch, self.receiver = watch or WifiWatch(), receiver
+        self.watch, self.receiver = watch or WifiWatch(CONFIG), receiver
         self.rng, self.scans, self.path_m = np.random.default_rng(3), 0, 0.0
         self.refused: list[DropReason | None] = []
         self.warnings: list[Warned] = []
@@ -55,7 +58,7 @@ class Drive:
         stamp_ns, number = self.scans * S, len(heard.bssids)
         events = list(self.watch.count(stamp_ns, self.receiver, count or number))
         if not events or not isinstance(events[-1], Dropped):
-            events += self.watch.hear(stamp_ns, self.receiver, heard, np.full(number, taken_m))
+            events += self.watch.compare_levels(stamp_ns, self.receiver, heard, np.full(number, taken_m))
         self._note(events)
 
     def hear_sound(self, count: int) -> None:
@@ -125,7 +128,7 @@ def test_levels_that_stay_the_same_are_refused_as_soon_as_the_robot_moves() -> N
     for k in range(30):
         drive.hear(stuck(k))
     usable = drive.refused.count(None)
-    assert usable * STEP_M <= 2 * CHANGE_M + STEP_M
+    assert usable * STEP_M <= 2 * CONFIG.level_change_m + STEP_M
     assert drive.refused == [None] * usable + [DropReason.CONSTANT_LEVELS] * (30 - usable)
     drive.hear_sound(20)
     assert drive.refused[-15:] == [None] * 15
@@ -138,7 +141,7 @@ def test_a_scan_that_freezes_is_refused_as_well() -> None:
     for _ in range(20):
         drive.hear(sound(50, np.random.default_rng(0)))
     usable = drive.refused[50:].count(None)
-    assert usable * STEP_M <= 2 * CHANGE_M + STEP_M
+    assert usable * STEP_M <= 2 * CONFIG.level_change_m + STEP_M
     assert drive.refused[50 + usable :] == [DropReason.CONSTANT_LEVELS] * (20 - usable)
     assert drive.complaints() == [(DropReason.CONSTANT_LEVELS, False)]
 
@@ -148,7 +151,7 @@ def test_randomised_bssids_are_refused_after_a_few_scans() -> None:
     for k in range(40):
         drive.hear(randomised(k))
     usable = drive.refused.count(None)
-    assert 20 * usable < WINDOWS[DropReason.RANDOMISED_BSSIDS][1]
+    assert 20 * usable < CONFIG.window_readings
     assert drive.refused == [None] * usable + [DropReason.RANDOMISED_BSSIDS] * (40 - usable)
     drive.hear_sound(5)
     assert drive.refused[-2:] == [None] * 2
@@ -158,11 +161,11 @@ def test_randomised_bssids_are_refused_after_a_few_scans() -> None:
 def test_one_scan_of_too_many_readings_is_refused_and_told() -> None:
     drive = Drive()
     drive.hear_sound(10)
-    drive.hear(sound(10, drive.rng), count=MOST_READINGS + 1)
+    drive.hear(sound(10, drive.rng), count=CONFIG.max_readings + 1)
     drive.hear_sound(20)
     assert drive.refused == [None] * 10 + [DropReason.TOO_MANY_READINGS] + [None] * 20
     assert drive.complaints() == begins_and_ends(DropReason.TOO_MANY_READINGS)
-    assert str(MOST_READINGS + 1) in drive.warnings[0].text
+    assert str(CONFIG.max_readings + 1) in drive.warnings[0].text
 
 
 @pytest.mark.parametrize(("ahead_s", "said"), [(5.0, "5.0 s ahead of"), (-5.0, "5.0 s behind")])
@@ -192,7 +195,7 @@ def test_jitter_and_single_late_scans_are_no_clock_that_is_off() -> None:
     drive = Drive()
     drive.hear_sound(1)
     for k in range(200):
-        drive.compare(-10.0 if k % 10 == 0 else CLOCK_NS / S * np.sin(k))
+        drive.compare(-10.0 if k % 10 == 0 else CONFIG.clock_s * np.sin(k))
     assert drive.refused.count(DropReason.CLOCK_OFF) == 20
     assert drive.warnings == []
 
@@ -201,9 +204,9 @@ def test_a_receiver_that_stops_and_comes_back() -> None:
     drive = Drive()
     drive.pass_time(0.0, 1.0)
     drive.hear_sound(1)
-    drive.pass_time(1.0, 1.0 + SILENT_S)
+    drive.pass_time(1.0, 1.0 + CONFIG.silent_s)
     assert drive.warnings == []
-    drive.pass_time(1.0 + SILENT_S, 601.0)
+    drive.pass_time(1.0 + CONFIG.silent_s, 601.0)
     drive.hear_sound(1)
     drive.pass_time(601.0, 605.0)
     assert drive.complaints() == begins_and_ends(SILENT)
@@ -226,7 +229,7 @@ def test_a_phone_that_may_scan_twice_a_minute_is_not_silent() -> None:
 
 
 def test_receivers_are_judged_apart() -> None:
-    watch = WifiWatch()
+    watch = WifiWatch(CONFIG)
     good, bad = Drive("good", watch), Drive("bad", watch)
     for k in range(40):
         good.hear_sound(1)

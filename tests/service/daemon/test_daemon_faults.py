@@ -37,7 +37,7 @@ from rerun.chunk import RrdReader
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
-from wayfi.frontends.odometry.timebase import LASTING_MESSAGES
+from wayfi.frontends.odometry.odometry_config import ClockConfig
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part, parts_of
 from wayfi.recordings.mcap.recording import McapWriter, open_recording
@@ -61,6 +61,7 @@ BUDGET_MB = 20
 KILLED_S = 1.0
 HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
 JUMP_S = 10.0
+LASTING_MESSAGES = ClockConfig().lasting_messages
 ESTIMATOR = "wayfi.service.daemon.estimator"
 
 
