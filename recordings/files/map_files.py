@@ -20,9 +20,7 @@ UNKNOWN = 128
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
     """Writes map.pgm, map.yaml and map.png into `directory`; `path_xy_m` (n, 2) m is drawn into the picture."""
     write_drawn(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
-    from wayfi.recordings.files.map_picture import (
-        map_png,  # brings matplotlib, which a drive has no use for until its end
-    )
+    from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
 
     write_bytes(directory / "map.png", map_png(grid, path_xy_m))
 

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from PIL import Image
 
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
-from wayfi.recordings.files.png import png
 
 _INK = "#17202b"
 _SHADES = [(0, "#ffffff"), (0.25, "#ffffff"), (0.5, "#dfe3e8"), (0.65, "#59636f"), (0.8, _INK), (1, _INK)]
@@ -40,10 +40,16 @@ def map_png(grid: OccupancyGrid, path_xy_m: Floats | None = None) -> bytes:
     if path_xy_m is not None:
         axes.plot(*path_xy_m.T, color=_PATH, linewidth=1.0, alpha=0.8, scalex=False, scaley=False)
     _draw_scale_bar(axes)
-    picture = io.BytesIO()
-    figure.savefig(picture, format="rgba")
-    columns, rows = FigureCanvasAgg(figure).get_width_height()
-    return png(np.frombuffer(picture.getvalue(), np.uint8).reshape(rows, columns, 4)[:, :, :3])
+    return _png(figure)
+
+
+def _png(figure: Figure) -> bytes:
+    """The figure as a PNG without alpha channel."""
+    raw, packed = io.BytesIO(), io.BytesIO()
+    figure.savefig(raw, format="rgba")
+    size = FigureCanvasAgg(figure).get_width_height()
+    Image.frombytes("RGBA", size, raw.getvalue()).convert("RGB").save(packed, "PNG", optimize=True)
+    return packed.getvalue()
 
 
 def _cropped(grid: OccupancyGrid) -> tuple[Floats, _Extent]:
