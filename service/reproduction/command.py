@@ -12,7 +12,6 @@ from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.process.console import Output
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.algorithm1 import NEIGHBOURS, WINDOW, Reproduction, run_algorithm1
-from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.methods import Method
 from wayfi.service.reproduction.plots import write_plots
 from wayfi.service.reproduction.recorded_drive import RecordedDrive, read_drive
@@ -25,7 +24,7 @@ NO_LASER = "no laser in the recording: the stages that need it are left out"
 
 def simulate_carpark(out: Path, minutes: float | None, output: Output) -> tuple[Path, Path]:
     """The paper's car park, simulated into `out`: the recording and its truth; whole where `minutes` is None."""
-    _make_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     with output.progress("simulate the car park") as progress:
         made = simulate(World.CARPARK, out, minutes=minutes, progress=progress)
     return made.recording, made.truth
@@ -34,9 +33,10 @@ def simulate_carpark(out: Path, minutes: float | None, output: Output) -> tuple[
 def reproduce(recording_path: Path, truth_path: Path, out: Path, output: Output) -> None:
     """Run Algorithm 1 and the streaming service over a recording; tables and plots go to the folder `out`.
 
-    Raises ReproductionError, RecordingError, TrajectoryError or ScoringError (all WayfiError).
+    Raises ReproductionError, RecordingError, TrajectoryError or ScoringError (all WayfiError), and OSError where `out`
+    cannot be written.
     """
-    _make_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     truth = read_tum(truth_path)
     with output.progress(f"read {recording_path}") as progress:
         drive = read_drive(recording_path, progress)
@@ -102,10 +102,3 @@ def _say(output: Output, out: Path, tables: list[Table], notes: list[str]) -> No
     output.say(f"tables (CSV) and plots: {out}")
     rows = {table.file.removesuffix(".csv"): [asdict(row) for row in table.rows] for table in tables}
     output.result({"out": str(out), "tables": rows, "notes": notes})
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ReproductionError(f"{out}: cannot be made: {error.strerror}") from None
