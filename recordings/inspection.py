@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
-from wayfi.recordings.mcap.recording import Record, open_recording
+from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS

@@ -8,13 +8,11 @@ from wayfi.frontends.measurements import Measurement, Sensor
 from wayfi.recordings.ros.cdr_counts import check_entries
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.json_codec import json_of_message, message_of_json
-from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE, sensor_of_type
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE
 from wayfi.recordings.ros.ros_measurements import to_measurement
 from wayfi.recordings.ros.ros_messages import to_message
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.ros.wifi_cdr import read_wifi_scan
-
-__all__ = ["CodecError", "Encoding", "decode", "encode", "sensor_of_type"]
 
 _MALFORMED = (
     SerdeError,

@@ -21,7 +21,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.lidar.laser_watch import ENDS, FEW_RETURNS, LATE, TEXTS
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.service.cli.app import app
 
 LASER_M = 0.05  # ATE of the minute with the laser; 0.005 without faults

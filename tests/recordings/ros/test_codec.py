@@ -23,9 +23,11 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
-from wayfi.recordings.ros.codec import CodecError, Encoding, decode, encode, sensor_of_type
-from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE, schema_text
+from wayfi.recordings.ros.codec import decode, encode
+from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE, schema_text, sensor_of_type
 from wayfi.recordings.ros.ros_messages import new_message
+from wayfi.recordings.ros.topics import Encoding
 
 RELAXED = settings(deadline=None, max_examples=60)
 
