@@ -1,4 +1,4 @@
-"""Bytes to measurements and back, in CDR as ROS 2 writes it and in JSON with the same field names."""
+"""Decodes messages into measurements and encodes them: CDR as in ROS 2, or JSON with the same field names."""
 
 import struct
 
@@ -27,10 +27,10 @@ _MALFORMED = (
 
 
 def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
-    """The measurement of `sensor` in one message's `data`; CDR may be of either byte order.
+    """The measurement of `sensor` in the message `data`; CDR in either byte order.
 
-    A quaternion of zeros gives a heading of NaN; non-finite poses and ranges are passed on. Raises CodecError, and
-    nothing else, for anything malformed.
+    A zero quaternion gives a heading of NaN. Non-finite poses and ranges are not an error here. Raises CodecError, and
+    nothing else, for malformed data.
     """
     try:
         if encoding is Encoding.JSON:
@@ -44,7 +44,7 @@ def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
 
 
 def encode(measurement: Measurement, encoding: Encoding = Encoding.CDR) -> bytes:
-    """One message with this measurement. Raises CodecError where it does not fit the message's fields."""
+    """The message with this measurement. Raises CodecError for values that do not fit its fields."""
     try:
         message, type_name = to_message(measurement)
         if encoding is Encoding.JSON:
