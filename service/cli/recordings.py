@@ -46,14 +46,14 @@ def replay(
 ) -> None:
     """Run a recording through the pipeline: trajectory, map, closures and a scrubbable .rrd."""
     with command_output(quiet, as_json) as output:
-        from wayfi.service.cli.summaries import say_replay
+        from wayfi.service.cli.summaries import print_replay
         from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 
         options = ReplayOptions(out, playback_rate(rate), not no_rrd)
         with output.progress(f"replay {recording}") as progress:
             configured, prior = settings_for(recording, config or (), settings or (), calibration)
             report = replay(recording, configured, prior, options, progress)
-        say_replay(output, out, report)
+        print_replay(output, out, report)
 
 
 def simulate(
@@ -97,10 +97,10 @@ def inspect(
     """Show what a recording holds: topics, rates, gaps, time faults, and what a replay would use."""
     with command_output(quiet, as_json) as output:
         from wayfi.recordings.inspection import inspect_recording
-        from wayfi.service.cli.summaries import say_inspection
+        from wayfi.service.cli.summaries import print_inspection
 
         inspection = inspect_recording(recording, configuration(config, settings).recording.topics)
-        say_inspection(output, inspection)
+        print_inspection(output, inspection)
         if not inspection.usable:
             raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")
 

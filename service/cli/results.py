@@ -17,14 +17,14 @@ def evaluate(
 ) -> None:
     """Score a replay against a reference: ATE, RPE, relations, closures, covariances; with plots."""
     with command_output(quiet, as_json) as output:
-        from wayfi.service.cli.summaries import say_evaluation
+        from wayfi.service.cli.summaries import print_evaluation
         from wayfi.service.evaluation.evaluate import evaluate, write_evaluation
         from wayfi.service.evaluation.plots import write_plots
 
         evaluation = evaluate(directory, truth, relations)
         write_evaluation(directory, evaluation)
         write_plots(directory, evaluation)
-        say_evaluation(output, directory, evaluation)
+        print_evaluation(output, directory, evaluation)
 
 
 def reproduce(

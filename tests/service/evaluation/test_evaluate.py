@@ -18,7 +18,7 @@ from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.recordings.files.tables import ClosureRow, TableError, read_closures, write_closures
 from wayfi.recordings.files.tum import TrajectoryError, read_tum, write_tum
 from wayfi.recordings.trajectory import Trajectory
-from wayfi.service.evaluation.closure_scores import has_reference, is_right, score_closures, score_recall
+from wayfi.service.evaluation.closure_scores import has_reference, is_correct, score_closures, score_recall
 from wayfi.service.evaluation.evaluate import evaluate, read_relations, write_evaluation
 from wayfi.service.evaluation.plots import write_plots
 from wayfi.service.evaluation.trajectory_scores import (
@@ -211,7 +211,7 @@ def test_bounds_verdicts_and_counts_decide_what_a_closure_is_worth(tmp_path: Pat
     score = score_closures(rows, truth)[ClosureKind.LIDAR]
     assert (score.accepted, score.right) == (21, 19)
     assert score.precision == pytest.approx(19 / 21)
-    assert is_right(rows, truth).tolist() == [True] * 19 + [False] * 3
+    assert is_correct(rows, truth).tolist() == [True] * 19 + [False] * 3
     assert score_closures(rows[:19], truth)[ClosureKind.LIDAR].nees is None
     assert score_closures([], truth)[ClosureKind.WIFI].precision is None
 
