@@ -21,20 +21,10 @@ from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE
 
 STAMPS = st.integers(0, (2**31 - 1) * 10**9 + 999_999_999)
-
-
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
-
-
 FLOATS = st.floats(-1e6, 1e6)
-
-
 FLOAT32S = st.floats(-1e6, 1e6, width=32)
-
-
 RETURNS = st.one_of(st.floats(0, 100, width=32), st.sampled_from([math.nan, math.inf]))
-
-
 BSSIDS = st.lists(st.integers(0, 255), min_size=6, max_size=6).map(lambda b: ":".join(f"{x:02x}" for x in b))
 
 
@@ -81,8 +71,6 @@ def static_transforms(draw: st.DrawFn) -> StaticTransforms:
 
 
 MEASUREMENTS = st.one_of(odometries(), laser_scans(), point_clouds(), wifi_scans(), static_transforms())
-
-
 SENSOR_OF_CLASS: dict[type, Sensor] = {
     Odometry: Sensor.ODOM,
     LaserScan: Sensor.SCAN,

@@ -77,7 +77,7 @@ def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = No
     """
     truth = read_tum(truth_path)
     if len(truth) < 2:
-        raise ScoringError(f"{truth_path}: one pose is no reference; it takes at least two")
+        raise ScoringError(f"{truth_path}: a reference needs at least two poses")
     relations = read_relations(relations_path) if relations_path else None
     rows = read_closures(directory / "closures.csv")
     return Evaluation(

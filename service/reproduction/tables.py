@@ -98,7 +98,7 @@ def method_table(ours: dict[Method, float], laser_off: float, laser_on: float | 
 
 
 def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) -> Table:
-    """Table IV: the time of each stage, and the sum of those in the paper beside that of the streaming service."""
+    """Table IV: the time of each stage, and their sum, compared with the streaming service."""
     rows = [
         Row("time, s", stage, paper_figures.SECONDS.get(stage), ours[stage], None) for stage in Stage if stage in ours
     ]

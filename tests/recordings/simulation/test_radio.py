@@ -10,8 +10,6 @@ from wayfi.recordings.simulation.run import EPOCH_NS, start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 
 CAR_PARK = start(World.CARPARK, seed=0)
-
-
 HEARD = tuple(wifi_scans(CAR_PARK))
 
 
