@@ -1,1 +1,1 @@
-"""What is read and written: messages, MCAP, Rerun, files of results, and simulated recordings."""
+"""Input and output: messages, MCAP files, the Rerun log, result files, and simulated recordings."""

@@ -1,4 +1,4 @@
-"""What has to be closed is a context manager."""
+"""A base class for what has to be closed."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
@@ -6,11 +6,11 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Closed where its `with` ends."""
+    """A context manager that closes itself at the end of its `with` block."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what it holds."""
+        """Releases every resource."""
 
     def __enter__(self) -> Self:
         return self

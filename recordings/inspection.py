@@ -1,4 +1,4 @@
-"""What is in a recording: topics, rates, gaps, time faults, and what of it a replay would use."""
+"""Inspection of a recording: topics, rates, gaps, time faults, and what a replay would use."""
 
 import math
 from array import array
@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
-from wayfi.recordings.mcap.recording import Record, open_recording
+from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS
@@ -22,7 +23,7 @@ _LARGEST_STAMP_NS = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class TimeFaults:
-    """How often a stamp jumps back, or repeats, from one message of a source to its next."""
+    """How often a stamp is earlier than, or equal to, that of the previous message of the same source."""
 
     jumps_back: int = 0
     duplicates: int = 0
@@ -30,10 +31,10 @@ class TimeFaults:
 
 @dataclass(frozen=True, slots=True)
 class TopicInspection:
-    """One topic. Stamps are the headers' where it is used, log times where not; None where there are none.
+    """One topic. Stamps are from message headers if the topic is used, else log times; None without any stamp.
 
-    `undecodable` messages are counted but have no stamp. `rate_hz` is the median; `beams` is the usual number of
-    beams of a scan, or of points of a cloud.
+    `undecodable` messages are counted in `count` but have no stamp. `rate_hz` is one over the median interval; `beams`
+    is the most frequent number of beams of a scan, or of points of a cloud.
     """
 
     topic: str
@@ -56,7 +57,7 @@ class TopicInspection:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """A whole recording; `usable` where it has odometry or scans to lead the way."""
+    """A whole recording. It is `usable` if it has odometry, scans or point clouds that can be decoded."""
 
     path: str
     duration_s: float
@@ -67,12 +68,12 @@ class Inspection:
     warnings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, object]:
-        """The same as plain values for JSON."""
+        """The fields as plain values for JSON."""
         return asdict(self)
 
 
-class _Tally:
-    """What the messages of one channel have been like so far."""
+class _ChannelStatistics:
+    """Counts over the messages of one channel so far."""
 
     def __init__(self, channel: Channel, topic_route: Route) -> None:
         self.channel = channel
@@ -87,15 +88,15 @@ class _Tally:
     def add(self, record: Record) -> None:
         self.count += 1
         if self.route.sensor is None or self.route.encoding is None:
-            self._stamp("", min(record.log_time_ns, _LARGEST_STAMP_NS))
+            self._add_stamp("", min(record.log_time_ns, _LARGEST_STAMP_NS))
             return
         try:
-            self._take(decode(record.data, self.route.sensor, self.route.encoding))
+            self._count(decode(record.data, self.route.sensor, self.route.encoding))
         except CodecError:
             self.undecodable += 1
 
-    def _take(self, measurement: Measurement) -> None:
-        self._stamp(measurement.receiver if isinstance(measurement, WifiScan) else "", measurement.stamp_ns)
+    def _count(self, measurement: Measurement) -> None:
+        self._add_stamp(measurement.receiver if isinstance(measurement, WifiScan) else "", measurement.stamp_ns)
         if isinstance(measurement, Odometry):
             self.non_finite += not measurement.pose.is_finite()
         elif isinstance(measurement, WifiScan):
@@ -129,7 +130,7 @@ class _Tally:
             beams=max(self.sizes, key=lambda size: (self.sizes[size], size)) if self.sizes else None,
         )
 
-    def _stamp(self, source: str, stamp_ns: int) -> None:
+    def _add_stamp(self, source: str, stamp_ns: int) -> None:
         self.stamps_ns.setdefault(source, array("q")).append(stamp_ns)
 
     def _time_faults(self) -> TimeFaults:
@@ -143,36 +144,36 @@ class _Tally:
 
 
 def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) -> Inspection:
-    """Reads the whole recording at `path` and says what is in it, given the sensors' `topics` (or the defaults).
+    """Reads the whole recording at `path`; `topics` are those configured for the sensors (None: the defaults).
 
-    Raises RecordingError where there is nothing to read.
+    Raises RecordingError if it cannot be opened or has no messages.
     """
     recording = open_recording(path)
     configured = DEFAULT_TOPICS if topics is None else topics
-    tallies: dict[Channel, _Tally] = {}
+    statistics: dict[Channel, _ChannelStatistics] = {}
     for record in recording:
         channel = (record.topic, record.type_name, record.encoding)
-        if channel not in tallies:
-            tallies[channel] = _Tally(channel, route(*channel, configured))
-        tallies[channel].add(record)
-    found = tuple(tallies[channel].inspection() for channel in sorted(tallies))
+        if channel not in statistics:
+            statistics[channel] = _ChannelStatistics(channel, route(*channel, configured))
+        statistics[channel].add(record)
+    found = tuple(statistics[channel].inspection() for channel in sorted(statistics))
     return Inspection(
         path=str(path),
         duration_s=recording.duration_s,
         message_count=sum(topic.count for topic in found),
         sha256=recording.sha256(),
-        usable=any(_leads(counters) for counters in tallies.values()),
+        usable=any(_is_usable(channel) for channel in statistics.values()),
         topics=found,
         warnings=tuple(recording.warnings),
     )
 
 
-def _leads(counters: _Tally) -> bool:
-    return counters.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and counters.undecodable < counters.count
+def _is_usable(channel: _ChannelStatistics) -> bool:
+    return channel.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and channel.undecodable < channel.count
 
 
 def _median_rate_hz(steps_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float | None:
-    """One over the median step; steps of nothing (duplicates, receivers in step) do not count."""
+    """One over the median of `steps_s` (n,), without steps of zero (duplicates, or receivers in parallel)."""
     moving = steps_s[steps_s > 0.0]
     rate_hz = 1.0 / float(np.median(moving)) if len(moving) else math.nan
     return rate_hz if math.isfinite(rate_hz) else None

@@ -1,4 +1,4 @@
-"""Where events go to be looked at: a Rerun log, or nowhere."""
+"""The interface of a log of events, and the log that does nothing."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -7,26 +7,26 @@ from wayfi.frontends.events import Event
 
 
 class Log(Protocol):
-    """Takes events, in the order of the pipeline, and durations of stages; one thread."""
+    """Shows events, in the order in which the pipeline gave them, and durations of stages. Not thread-safe."""
 
     def log(self, event: Event) -> None:
-        """Show `event`."""
+        """Shows `event`."""
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Show how many seconds each stage took."""
+        """Shows how many seconds each stage took, by its name."""
 
     def close(self) -> None:
-        """Everything is in the file afterwards."""
+        """Finishes the log: everything is in the file afterwards."""
 
 
 class NullLog:
     """Shows nothing."""
 
     def log(self, event: Event) -> None:
-        """Do nothing."""
+        """Does nothing."""
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Do nothing."""
+        """Does nothing."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Does nothing."""

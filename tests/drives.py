@@ -20,7 +20,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding

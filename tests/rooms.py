@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.lidar.laser_points import walls_seen
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
-from wayfi.recordings.simulation.surfaces import box, still
+from wayfi.recordings.simulation.surfaces import Surfaces, box, still
 
 HALL = np.concatenate(
     [box(-6.0, -4.0, 9.0, 5.0), box(2.0, -1.0, 2.6, -0.4), box(-3.0, 2.0, -2.0, 2.4), box(5, 1, 6, 3)]
@@ -25,6 +25,22 @@ def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0
     measured = exact[seen] + sigma_m * rng.standard_normal(len(seen))
     points = measured[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     return walls_seen(points, Pose2(), 0.2, 0.08)
+
+
+def faces_at(surfaces: Surfaces, time_s: float) -> Floats:
+    """(m, 4) ends of the faces that exist at `time_s`, where they are then."""
+    exists = (surfaces.since_s <= time_s) & (time_s < surfaces.until_s)
+    elapsed = np.where(np.isfinite(surfaces.since_s), time_s - surfaces.since_s, 0.0)
+    shift: Floats = surfaces.velocity_xy * elapsed[:, None]
+    return (surfaces.ends + np.hstack([shift, shift]))[exists]
+
+
+def distances_m(points: Floats, ends: Floats) -> Floats:
+    """(n,) from each of `points` (n, 2) to the nearest of the faces `ends` (m, 4)."""
+    start_xy, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
+    to = points[:, None] - start_xy
+    share = np.clip((to * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.hypot(*(to - share[..., None] * along).transpose(2, 0, 1)).min(axis=1))
 
 
 def off_by(rng: np.random.Generator, metres: float, degrees: float) -> Pose2:

@@ -1,1 +1,1 @@
-"""The files of a drive: trajectories, tables, the grid, the graph and the calibration."""
+"""The result files of a drive: trajectories, tables, the grid, the graph and the calibration."""

@@ -1,11 +1,12 @@
-"""calibration.toml: what a drive has learnt of the wheels and the receivers, for the next one to start with."""
+"""calibration.toml: what a drive has learnt about the wheels and the WiFi receivers; the next one starts with it."""
 
-import json
 import math
 import tomllib
 from pathlib import Path
 
 import numpy as np
+import tomlkit
+from tomlkit.items import InlineTable
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.graph.wheel_calibration import NAMES, WheelCalibration
@@ -20,34 +21,44 @@ class CalibrationError(WayfiError):
 
 def calibration_toml(calibration: Calibration) -> str:
     """The text of calibration.toml."""
-    wheels = calibration.wheels
-    lines = ["# What is added to the wheels' word: scales are 1 + value, biases are turned in addition.", "[wheels]"]
-    for name, value, sigma in zip(NAMES, wheels.values, wheels.sigmas, strict=True):
-        lines.append(f"{name} = {{ value = {float(value)!r}, sigma = {float(sigma)!r} }}")
-    lines += ["", "# How many dB each WiFi receiver reads above the first, which has sigma 0.", "[receivers]"]
-    for receiver, found in calibration.receivers.items():
-        key = json.dumps(receiver, ensure_ascii=False).replace("\x7f", "\\u007f")
-        lines.append(f"{key} = {{ offset_db = {found.offset_db!r}, sigma_db = {found.sigma_db!r} }}")
-    return "\n".join(lines) + "\n"
+    wheels = tomlkit.table()
+    wheels.comment("true distance = (1 + distance_scale) measured; true turn = (1 + turn_scale) measured + biases")
+    for name, value, sigma in zip(NAMES, calibration.wheels.values, calibration.wheels.sigmas, strict=True):
+        wheels.add(name, _inline(value=float(value), sigma=float(sigma)))
+    receivers = tomlkit.table()
+    receivers.comment("dB that each WiFi receiver reads above the first, which has sigma 0")
+    for name, offset in calibration.receivers.items():
+        receivers.add(name, _inline(offset_db=offset.offset_db, sigma_db=offset.sigma_db))
+    return tomlkit.dumps({"wheels": wheels, "receivers": receivers})
+
+
+def _inline(**values: float) -> InlineTable:
+    """An inline table: `{name = value, ...}`."""
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Write calibration.toml."""
+    """Writes calibration.toml. Raises OSError."""
     write_text(path, calibration_toml(calibration))
 
 
 def read_calibration(path: Path) -> Calibration:
-    """What a calibration.toml holds. Raises CalibrationError."""
+    """The calibration in a calibration.toml. Raises CalibrationError."""
     try:
         return parse_calibration(path.read_text(encoding="utf-8"), str(path))
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise CalibrationError(f"{path}: is no calibration.toml of wayfi: {error}") from None
+        raise CalibrationError(f"{path}: is not a calibration.toml of wayfi: {error}") from None
 
 
 def parse_calibration(text: str, where: str) -> Calibration:
-    """The text of a calibration.toml, receivers or not. Raises CalibrationError, naming `where` it comes from."""
+    """The calibration in the text of a calibration.toml, which may have no receivers.
+
+    Raises CalibrationError, which names `where` the text comes from.
+    """
     try:
         content = tomllib.loads(text)
         wheels = content["wheels"]
@@ -56,7 +67,7 @@ def parse_calibration(text: str, where: str) -> Calibration:
         receivers = {name: _receiver(name, entry) for name, entry in content.get("receivers", {}).items()}
         return Calibration(WheelCalibration(values, sigmas), receivers)
     except (tomllib.TOMLDecodeError, AttributeError, KeyError, TypeError, ValueError, WayfiError) as error:
-        raise CalibrationError(f"{where}: is no calibration.toml of wayfi: {error}") from None
+        raise CalibrationError(f"{where}: is not a calibration.toml of wayfi: {error}") from None
 
 
 def _receiver(name: str, entry: dict[str, float]) -> ReceiverOffset:

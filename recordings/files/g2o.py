@@ -14,14 +14,15 @@ from wayfi.recordings.files.atomic_files import write_text
 
 
 def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration: Floats) -> None:
-    """Write keyframes' `poses` (n, 3) in `map` and `factors`; wheels as `calibration` (4,) corrects them.
+    """Writes the keyframes' `poses` (n, 3), T_map_base, and the `factors` between them. Raises OSError.
 
-    An edge's information is in the axes of its second pose, as g2o takes it.
+    A wheel factor is written with the motion that `calibration` (4,) gives. g2o expects the information matrix of an
+    edge in the axes of its second pose.
     """
     lines = [f"VERTEX_SE2 {k} {_numbers(pose)}" for k, pose in enumerate(poses)]
     lines += [_edge(factor, poses, calibration) for factor in factors]
     if len(poses):
-        lines.append("FIX 0")  # last: some readers stop at it
+        lines.append("FIX 0")  # last, because some readers stop at it
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -40,7 +41,7 @@ def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
 
 
 def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:
-    """Two places that are one, turned as the poses are: of rank 2, which leaves turning about them open."""
+    """The edge of two coinciding points, with the poses' own heading: rank 2, the rotation about them is free."""
     turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
     moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])
     return meeting(factor.place_a, factor.place_b, turned), np.asarray(moved.T @ moved / factor.sigma_m**2, np.float64)

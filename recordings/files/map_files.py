@@ -1,4 +1,4 @@
-"""The occupancy grid as files: map.pgm and map.yaml for Nav2's map_server, map.png for a person."""
+"""The occupancy grid as files: map.pgm and map.yaml for Nav2's map_server, map.png to look at."""
 
 from pathlib import Path
 
@@ -12,25 +12,23 @@ from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files.atomic_files import write_bytes, write_text
 
 OCCUPIED, FREE = 0, 254
-# map_server takes (255 - grey) / 255 for the probability and compares it with the thresholds of map.yaml: the usual
-# 205 for unknown is 0.196 and would come back as free with a free_thresh of 0.25; 128 is 0.498.
+# map_server compares (255 - grey) / 255 with the thresholds of map.yaml. The usual 205 for unknown is 0.196 there,
+# which is free with a free_thresh of 0.25; 128 is 0.498.
 UNKNOWN = 128
 
 
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
-    """Writes map.pgm, map.yaml and map.png into `directory`; `path_xy_m` (n, 2) m is drawn into the picture."""
-    write_drawn(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
-    from wayfi.recordings.files.map_picture import (
-        map_png,  # brings matplotlib, which a drive has no use for until its end
-    )
+    """Writes map.pgm, map.yaml and map.png, with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
+    write_grid(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
+    from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
 
     write_bytes(directory / "map.png", map_png(grid, path_xy_m))
 
 
-def write_drawn(directory: Path, drawn: GridRedrawn, config: MapConfig) -> None:
-    """Writes map.pgm and map.yaml into `directory`. Raises OSError."""
-    write_bytes(directory / "map.pgm", _pgm(_greys(drawn.occupancy, config)))
-    write_text(directory / "map.yaml", _yaml(drawn, config))
+def write_grid(directory: Path, redrawn: GridRedrawn, config: MapConfig) -> None:
+    """Writes map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
+    write_bytes(directory / "map.pgm", _pgm(_greys(redrawn.occupancy, config)))
+    write_text(directory / "map.yaml", _yaml(redrawn, config))
 
 
 def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:
@@ -41,17 +39,17 @@ def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.ui
 
 
 def _pgm(greys: NDArray[np.uint8]) -> bytes:
-    """A binary PGM, whose first row is the highest y."""
+    """A binary PGM; its first row has the highest y."""
     rows, columns = greys.shape
     return f"P5\n{columns} {rows}\n255\n".encode() + greys[::-1].tobytes()
 
 
-def _yaml(drawn: GridRedrawn, config: MapConfig) -> str:
-    x, y = drawn.origin_xy_m
+def _yaml(redrawn: GridRedrawn, config: MapConfig) -> str:
+    x, y = redrawn.origin_xy_m
     return (
         "image: map.pgm\n"
         "mode: trinary\n"
-        f"resolution: {drawn.resolution_m!r}\n"
+        f"resolution: {redrawn.resolution_m!r}\n"
         f"origin: [{x:.6f}, {y:.6f}, 0.0]\n"
         "negate: 0\n"
         f"occupied_thresh: {config.occupied_probability!r}\n"

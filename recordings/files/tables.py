@@ -1,4 +1,4 @@
-"""closures.csv and radio.csv: the tables that a replay leaves for spreadsheets and scripts."""
+"""closures.csv and radio.csv: the tables of a replay."""
 
 import csv
 import io
@@ -25,15 +25,15 @@ _UPPER = np.triu_indices(3)
 
 
 class TableError(WayfiError):
-    """A file that is not the table it should be."""
+    """A file that is not a closures.csv, or cannot be read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosureRow:
     """One row of closures.csv: a candidate T_a_b between two stamps and its verdict at the end.
 
-    `covariance` is (3, 3) in (x, y, theta) of a, m and rad. Where the heading is not claimed, theta is 0 and the
-    covariance's theta row and column are NaN. What the file leaves empty is NaN.
+    `covariance` (3, 3) is in (x, y, theta) of a, in m and rad. Where the closure claims no heading, theta is 0 and the
+    covariance's theta row and column are NaN. An empty number in the file is NaN.
     """
 
     stamp_a_ns: int
@@ -52,7 +52,7 @@ class ClosureRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RadioPlace:
-    """A fingerprint at its estimated place x, y (m in map): `rssi` (n,) dBm, one for each of `bssids`."""
+    """A fingerprint at its estimated position x, y (m, in map): `rssi` (n,) in dBm, one for each of `bssids`."""
 
     stamp_ns: int
     x: float
@@ -63,13 +63,13 @@ class RadioPlace:
 
 
 def write_closures(path: Path, verdicts: Iterable[ClosureJudged]) -> None:
-    """One row a candidate, in the order they came; a later verdict on the same candidate takes the row over."""
+    """Writes a row for each candidate, in order of appearance, with the last verdict on it. Raises OSError."""
     last = {verdict.closure: verdict for verdict in verdicts}
-    _write_table(path, CLOSURE_COLUMNS, (_closure_words(verdict) for verdict in last.values()))
+    _write_table(path, CLOSURE_COLUMNS, (_closure_fields(verdict) for verdict in last.values()))
 
 
 def read_closures(path: Path) -> list[ClosureRow]:
-    """The rows of `path`. Raises TableError where the header or a value is not that of closures.csv."""
+    """The rows of the closures.csv at `path`. Raises TableError for an unreadable file, wrong header or wrong value."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = csv.DictReader(file)
@@ -95,8 +95,8 @@ def closure_row(verdict: ClosureJudged) -> ClosureRow:
 
 
 def write_radio(path: Path, places: Iterable[RadioPlace]) -> None:
-    """One row a reading, in the order given."""
-    _write_table(path, RADIO_COLUMNS, (words for place in places for words in _radio_words(place)))
+    """Writes a row for each reading, in the order given. Raises OSError."""
+    _write_table(path, RADIO_COLUMNS, (fields for place in places for fields in _radio_fields(place)))
 
 
 def _write_table(path: Path, columns: list[str], rows: Iterable[list[str]]) -> None:
@@ -107,7 +107,7 @@ def _write_table(path: Path, columns: list[str], rows: Iterable[list[str]]) -> N
     write_text(path, text.getvalue())
 
 
-def _closure_words(verdict: ClosureJudged) -> list[str]:
+def _closure_fields(verdict: ClosureJudged) -> list[str]:
     covariance = np.array(verdict.covariance, float)
     theta = verdict.T_a_b.theta
     if not verdict.heading_claimed:
@@ -117,15 +117,15 @@ def _closure_words(verdict: ClosureJudged) -> list[str]:
         str(verdict.stamp_b_ns),
         verdict.kind.value,
         verdict.proposed_by,
-        *(_word(value, ".4f") for value in (verdict.similarity, verdict.residual_m, verdict.inlier_ratio)),
-        *(_word(value, ".6f") for value in (verdict.T_a_b.x, verdict.T_a_b.y, theta)),
-        *(_word(value, ".6e") for value in covariance[_UPPER].tolist()),
+        *(_text(value, ".4f") for value in (verdict.similarity, verdict.residual_m, verdict.inlier_ratio)),
+        *(_text(value, ".6f") for value in (verdict.T_a_b.x, verdict.T_a_b.y, theta)),
+        *(_text(value, ".6e") for value in covariance[_UPPER].tolist()),
         verdict.verdict.value,
         verdict.reason,
     ]
 
 
-def _word(value: float, form: str) -> str:
+def _text(value: float, form: str) -> str:
     return "" if math.isnan(value) else format(value, form)
 
 
@@ -154,11 +154,11 @@ def _closure_row(row: dict[str, str], where: str) -> ClosureRow:
         raise TableError(f"{where}: not a row of closures.csv ({error})") from error
 
 
-def _number(word: str) -> float:
-    return float(word) if word else math.nan
+def _number(text: str) -> float:
+    return float(text) if text else math.nan
 
 
-def _radio_words(place: RadioPlace) -> Iterator[list[str]]:
+def _radio_fields(place: RadioPlace) -> Iterator[list[str]]:
     head = [seconds_text(place.stamp_ns), f"{place.x:.3f}", f"{place.y:.3f}", place.receiver]
     for bssid, rssi in zip(place.bssids, place.rssi.tolist(), strict=True):
         yield [*head, bssid, f"{rssi:.2f}"]

@@ -1,4 +1,4 @@
-"""Trajectories in the TUM format: `t x y z qx qy qz qw` a line, t in seconds."""
+"""Trajectories in the TUM format: lines of `t x y z qx qy qz qw`, t in seconds."""
 
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -14,19 +14,19 @@ _INT64 = np.iinfo(np.int64)
 
 
 class TrajectoryError(WayfiError):
-    """A file that is no TUM trajectory."""
+    """A file that is not a TUM trajectory, or cannot be read."""
 
 
 def seconds_text(stamp_ns: int) -> str:
-    """`stamp_ns` in seconds with 9 decimals, exactly."""
+    """`stamp_ns` in seconds, exactly, with 9 decimals."""
     whole, fraction = divmod(abs(stamp_ns), 1_000_000_000)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{fraction:09d}"
 
 
 def stamp_of(text: str) -> int:
-    """The nanoseconds of seconds written in decimals, exactly (half a nanosecond to even).
+    """The nanoseconds of a decimal number of seconds, exactly; half a nanosecond rounds to even.
 
-    Raises ValueError where it is no number or does not fit 64 bits.
+    Raises ValueError for text that is not a number, and for stamps over 64 bits.
     """
     try:
         stamp_ns = int((Decimal(text) * 1_000_000_000).to_integral_value())
@@ -38,10 +38,10 @@ def stamp_of(text: str) -> int:
 
 
 def write_tum(path: Path, stamps_ns: Stamps, poses: Floats) -> None:
-    """Writes `poses` (n, 3) at `stamps_ns` (n,): stamps exactly, metres and quaternions with 9 decimals."""
+    """Writes `poses` (n, 3) at `stamps_ns` (n,), all numbers with 9 decimals; stamps are exact. Raises OSError."""
     half = poses[:, 2] / 2
     columns = np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
-    rounded = np.round(columns, 9) + 0.0  # + 0.0 takes the sign off -0.0
+    rounded = np.round(columns, 9) + 0.0  # + 0.0 turns -0.0 into 0.0
     lines = [
         f"{seconds_text(stamp_ns)} {x:.9f} {y:.9f} 0 0 0 {qz:.9f} {qw:.9f}\n"
         for stamp_ns, (x, y, qz, qw) in zip(stamps_ns.tolist(), rounded.tolist(), strict=True)
@@ -50,9 +50,10 @@ def write_tum(path: Path, stamps_ns: Stamps, poses: Floats) -> None:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """The trajectory in `path`, in order of time; lines that start with # are passed over.
+    """The trajectory in the file at `path`, sorted by time. Empty lines and lines that start with # are skipped.
 
-    z and the tilt are left out. Raises TrajectoryError where a line is not eight finite numbers, or there is none.
+    z, roll and pitch are ignored. Raises TrajectoryError for an unreadable file, a line that is not eight finite
+    numbers, and a file without poses.
     """
     stamps: list[int] = []
     rows: list[list[float]] = []
@@ -62,7 +63,7 @@ def read_tum(path: Path) -> Trajectory:
         try:
             t, *rest = line.split()
             stamps.append(stamp_of(t))
-            rows.append(_seven(rest))
+            rows.append(_position_and_quaternion(rest))
         except ValueError as error:
             raise TrajectoryError(f"{path}, line {number}: not `t x y z qx qy qz qw` ({error})") from error
     if not rows:
@@ -80,7 +81,7 @@ def _read(path: Path) -> str:
         raise TrajectoryError(f"{path}: no trajectory can be read ({reason})") from error
 
 
-def _seven(words: list[str]) -> list[float]:
+def _position_and_quaternion(words: list[str]) -> list[float]:
     values = [float(word) for word in words]
     if len(values) != 7:
         raise ValueError(f"{len(values) + 1} numbers")
@@ -92,6 +93,6 @@ def _seven(words: list[str]) -> list[float]:
 
 
 def _yaw(xyzw: Floats) -> NDArray[np.float64]:
-    """(n,) the rotation about z of (n, 4) quaternions of any length."""
+    """(n,) yaw of (n, 4) quaternions, which need not be normalised."""
     x, y, z, w = xyzw.T
     return np.asarray(np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))

@@ -1,4 +1,4 @@
-"""The records of an MCAP file by their place, and the blocks that hold its messages."""
+"""Low-level reading of an MCAP file: its top-level records, and the blocks that hold its messages."""
 
 import struct
 from collections.abc import Iterator
@@ -15,19 +15,19 @@ from mcap.stream_reader import breakup_chunk
 
 from wayfi.backend.errors import WayfiError
 
-DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, MemoryError, OverflowError, OSError)
+READ_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, MemoryError, OverflowError, OSError)
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEAD = struct.Struct("<BQ")
+RECORD_HEADER = struct.Struct("<BQ")
 _LARGEST_CHUNK_BYTES = 1 << 30
 
 
 class RecordingError(WayfiError):
-    """A recording that cannot be read at all, or cannot be written."""
+    """A recording that cannot be opened, holds no message that can be read, or cannot be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One message of a recording: `data` in `encoding` ('cdr', 'json' or another) as logged at `log_time_ns`."""
+    """One message of a recording, logged at `log_time_ns`: `data` in `encoding` ('cdr', 'json' or another)."""
 
     topic: str
     type_name: str
@@ -38,7 +38,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """`length` bytes at `offset` of the file that hold messages, the first of them logged at `start_ns`."""
+    """`length` bytes at `offset` of the file that hold messages; `start_ns` is the earliest log time among them."""
 
     offset: int
     length: int
@@ -47,30 +47,33 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """The content of one top-level record: `length` bytes at `offset`."""
+class RecordSpan:
+    """Where the content of a top-level record is: `length` bytes at `offset`."""
 
     opcode: int
     offset: int
     length: int
 
 
-def places(file: BinaryIO) -> Iterator[Place]:
-    """The top-level records of `file`, up to the first that is not complete; `file` stands at each one's content."""
+def top_level_records(file: BinaryIO) -> Iterator[RecordSpan]:
+    """The top-level records of `file`, up to the first incomplete one.
+
+    When a span is yielded, the position of `file` is the start of its content.
+    """
     end = file.seek(0, 2)
     offset = len(MAGIC)
-    while offset + RECORD_HEAD.size <= end:
+    while offset + RECORD_HEADER.size <= end:
         file.seek(offset)
-        opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
-        offset += RECORD_HEAD.size
+        opcode, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
+        offset += RECORD_HEADER.size
         if opcode == 0 or offset + length > end:
             return
-        yield Place(opcode, offset, length)
+        yield RecordSpan(opcode, offset, length)
         offset += length
 
 
 def read_bytes(path: Path, offset: int, length: int) -> bytes:
-    """`length` bytes at `offset` of the file at `path`. Raises one of DAMAGE where they are not there."""
+    """`length` bytes at `offset` of the file at `path`. Raises one of READ_ERRORS if the file is too short."""
     with path.open("rb") as file:
         file.seek(offset)
         data = file.read(length)
@@ -80,7 +83,7 @@ def read_bytes(path: Path, offset: int, length: int) -> bytes:
 
 
 def read_block(path: Path, block: Block) -> list[McapRecord]:
-    """The records in `block`, its checksum verified. Raises one of DAMAGE where it cannot be read."""
+    """The records in `block`. Raises one of READ_ERRORS for damage, a wrong checksum included."""
     data = read_bytes(path, block.offset, block.length)
     if not block.is_chunk:
         return list(breakup_chunk(Chunk("", data, 0, 0, 0, len(data))))

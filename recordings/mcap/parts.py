@@ -1,4 +1,4 @@
-"""Files in numbered parts: blackbox_0001.mcap, blackbox_0002.mcap, ..., of which the oldest may have been deleted."""
+"""Files in numbered parts: blackbox_0001.mcap, blackbox_0002.mcap, ...; the oldest may have been deleted."""
 
 from pathlib import Path
 
@@ -8,19 +8,19 @@ Kind = tuple[str, str]
 
 
 def parts_of(folder: Path, kind: Kind) -> list[Path]:
-    """The parts of a kind in `folder`, oldest first."""
+    """The parts of `kind` in `folder`, oldest first."""
     stem, suffix = kind
     return sorted(folder.glob(f"{stem}_*{suffix}"), key=lambda path: (len(path.name), path.name))
 
 
 def begins_at_first(folder: Path, kind: Kind) -> bool:
-    """Whether the oldest part of a kind is the first there was, or there is none."""
+    """Whether the first part of `kind` has not been deleted; True if there are no parts."""
     parts = parts_of(folder, kind)
     return not parts or parts[0] == _part(folder, kind, 1)
 
 
 def next_part(folder: Path, kind: Kind) -> Path:
-    """Where the part after the newest belongs."""
+    """The path of the part after the newest."""
     stem, _ = kind
     numbers = [path.stem.removeprefix(f"{stem}_") for path in parts_of(folder, kind)]
     newest = max((int(number) for number in numbers if number.isdecimal()), default=0)

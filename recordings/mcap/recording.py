@@ -1,4 +1,4 @@
-"""Recordings: one MCAP file, a folder of rotated parts, or a daemon's run folder, read as one stream of records."""
+"""Recordings: an MCAP file, a folder of rotated parts, or a daemon's run folder, read as one stream of records."""
 
 import hashlib
 import heapq
@@ -9,46 +9,43 @@ from pathlib import Path
 
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.mcap.index import McapIndex
-from wayfi.recordings.mcap.writer import McapWriter
-
-__all__ = ["BLACKBOX_PROFILE", "McapWriter", "Record", "Recording", "RecordingError", "open_recording", "read_mcap"]
 
 BLACKBOX_PROFILE = "wayfi-blackbox"
-_BLACKBOX_NAMES = "blackbox_*.mcap"
+_BLACKBOX_PATTERN = "blackbox_*.mcap"
 _HASHED_AT_ONCE_BYTES = 1 << 20
 
 
 class Recording:
-    """The records of `parts`; iterating reads them, any number of times, a chunk at a time.
+    """The records of `parts`. Iterating reads them block by block, and can be repeated.
 
-    A plain recording comes in log-time order, equal times in the order of the parts and of their files; a daemon's
-    black box in the order it was written, which is the order the pipeline was fed. What is cut or damaged is read as
-    far as it is complete; `warnings` says so, one line a file, and is complete only when the reading is.
+    A plain recording is read in log-time order; equal times in the order of the parts and of their files. A daemon's
+    black box is read in the order it was written, which is the order in which its pipeline received the messages.
+    Damaged files are read as far as they are complete.
     """
 
     def __init__(self, path: Path, parts: list[McapIndex], warnings: list[str]) -> None:
         self.path = path
         self._parts = parts
-        self._left_out = warnings
+        self._skipped = warnings
 
     @property
     def paths(self) -> list[Path]:
-        """The files that are read, in their order."""
+        """The files of the recording, in the order of reading."""
         return [part.path for part in self._parts]
 
     @property
     def is_blackbox(self) -> bool:
-        """Whether this is what a daemon's pipeline was fed."""
+        """Whether this is the black box of a daemon."""
         return all(part.profile == BLACKBOX_PROFILE for part in self._parts)
 
     @property
     def warnings(self) -> list[str]:
-        """What was found to be cut, damaged or left out so far, one line each."""
-        return self._left_out + [part.warning for part in self._parts if part.warning is not None]
+        """A line for each file found so far to be cut, damaged or unreadable; complete after the first iteration."""
+        return self._skipped + [part.warning for part in self._parts if part.warning is not None]
 
     @property
     def message_counts(self) -> Mapping[str, int]:
-        """The number of messages of each topic, as the files' own statistics have it."""
+        """The number of messages of each topic, according to the files' statistics."""
         total: Counter[str] = Counter()
         for part in self._parts:
             total.update(part.counts)
@@ -74,16 +71,12 @@ class Recording:
         """Seconds from the first log time to the last."""
         return (self.end_ns - self.start_ns) / 1e9
 
-    def metadata(self) -> dict[str, dict[str, str]]:
-        """The metadata records by name; of several with one name, the last."""
-        return {record.name: record.metadata for part in self._parts for record in part.metadata()}
-
     def attachments(self) -> dict[str, bytes]:
-        """The attachments by name; of several with one name, the last."""
+        """The attachments by name; the last of several with the same name."""
         return {record.name: record.data for part in self._parts for record in part.attachments()}
 
     def sha256(self) -> str:
-        """The hash of the files' bytes, one after another, in hexadecimal."""
+        """The SHA-256 of the concatenated files, in hexadecimal."""
         digest = hashlib.sha256()
         for path in self.paths:
             with path.open("rb") as file:
@@ -92,7 +85,7 @@ class Recording:
         return digest.hexdigest()
 
     def __iter__(self) -> Iterator[Record]:
-        """The records. Raises RecordingError at the end where not one could be read."""
+        """The records. Raises RecordingError at the end if none could be read."""
         count = 0
         for record in _in_file_order(self._parts) if self.is_blackbox else _in_log_time_order(self._parts):
             count += 1
@@ -104,8 +97,8 @@ class Recording:
 def open_recording(path: Path) -> Recording:
     """The recording at `path`: a file, a folder of parts, or a daemon's run folder.
 
-    A part of a folder that cannot be read is left out with a warning. Raises RecordingError where nothing is there,
-    nothing is MCAP, or there is no message.
+    An unreadable part of a folder is skipped with a warning. Raises RecordingError if `path` does not exist, is not
+    MCAP, or has no messages.
     """
     parts: list[McapIndex] = []
     warnings: list[str] = []
@@ -125,24 +118,19 @@ def open_recording(path: Path) -> Recording:
     return Recording(path, parts, warnings)
 
 
-def read_mcap(path: Path) -> Iterator[Record]:
-    """The records of the recording at `path`, as `open_recording` gives them."""
-    yield from open_recording(path)
-
-
 def _files(path: Path) -> list[Path]:
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
     if not path.is_dir():
         return [path]
-    files = list(path.glob(_BLACKBOX_NAMES)) or list(path.glob("*.mcap"))
+    files = list(path.glob(_BLACKBOX_PATTERN)) or list(path.glob("*.mcap"))
     if not files:
         raise RecordingError(f"{path} is a folder without .mcap files")
     return sorted(files, key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """A key that puts part_2 before part_10."""
+    """A sort key that puts part_2 before part_10."""
     return [(int(text), "") if text.isdecimal() else (-1, text) for text in re.split(r"(\d+)", path.name)]
 
 
@@ -153,7 +141,7 @@ def _in_file_order(parts: list[McapIndex]) -> Iterator[Record]:
 
 
 def _in_log_time_order(parts: list[McapIndex]) -> Iterator[Record]:
-    """Merges the blocks; in memory are those that overlap in time, and no others."""
+    """Merges the blocks by log time. Only blocks that overlap in time are in memory together."""
     waiting = deque(sorted(_starts(parts), key=lambda start: start[:3]))
     merging: list[tuple[int, int, int, int, list[Record]]] = []
     while waiting or merging:
@@ -163,7 +151,7 @@ def _in_log_time_order(parts: list[McapIndex]) -> Iterator[Record]:
             if records:
                 heapq.heappush(merging, (records[0].log_time_ns, number, offset, 0, records))
         if merging:
-            yield _next_of(merging)
+            yield _pop_earliest(merging)
 
 
 def _starts(parts: list[McapIndex]) -> Iterator[tuple[int, int, int, Block]]:
@@ -172,7 +160,7 @@ def _starts(parts: list[McapIndex]) -> Iterator[tuple[int, int, int, Block]]:
             yield block.start_ns, number, block.offset, block
 
 
-def _next_of(merging: list[tuple[int, int, int, int, list[Record]]]) -> Record:
+def _pop_earliest(merging: list[tuple[int, int, int, int, list[Record]]]) -> Record:
     _, number, offset, index, records = merging[0]
     if index + 1 < len(records):
         heapq.heapreplace(merging, (records[index + 1].log_time_ns, number, offset, index + 1, records))

@@ -1,4 +1,4 @@
-"""Writing MCAP: the same calls give the same bytes."""
+"""Writing MCAP files: the same calls give the same bytes."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ CHUNK_BYTES = 1 << 20
 class McapWriter(Closing):
     """Writes an MCAP file at `path` in ZSTD chunks of 1 MiB; a context manager.
 
-    What is written since the last chunk ended or `flush` was called is lost when the process is killed. Raises
-    RecordingError where the file cannot be opened.
+    When the process is killed, the messages since the last complete chunk or `flush` are lost. Raises RecordingError if
+    the file cannot be opened; the methods raise OSError.
     """
 
     def __init__(self, path: Path, profile: str = "ros2") -> None:
@@ -32,30 +32,26 @@ class McapWriter(Closing):
 
     @property
     def size_bytes(self) -> int:
-        """The size of the file so far, without the open chunk."""
+        """The size of the file in bytes so far, without the open chunk."""
         return self._file.tell()
 
     def write(self, topic: str, type_name: str, encoding: str, log_time_ns: int, data: bytes) -> None:
-        """Adds one message; the topic's schema and channel are written with its first."""
+        """Adds a message. The first message of a topic also writes its schema and channel."""
         channel = self._channel(topic, type_name, encoding)
         sequence = self._sequences.get(channel, 0)
         self._sequences[channel] = sequence + 1
         self._writer.add_message(channel, log_time_ns, data, publish_time=log_time_ns, sequence=sequence)
 
-    def write_metadata(self, name: str, entries: dict[str, str]) -> None:
-        """Adds a metadata record."""
-        self._writer.add_metadata(name, entries)
-
-    def attach(self, name: str, data: bytes, media_type: str = "application/octet-stream", time_ns: int = 0) -> None:
-        """Adds an attachment, dated `time_ns` (0: no date)."""
-        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+    def attach(self, name: str, data: bytes, media_type: str) -> None:
+        """Adds an attachment without a date."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
 
     def flush(self) -> None:
-        """Ends the open chunk and hands everything to the operating system: a killed process loses none of it."""
+        """Ends the open chunk and passes all data to the operating system; a kill of the process no longer loses it."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        """Writes the index and closes the file; closing twice is harmless."""
+        """Writes the index and closes the file. A second call does nothing."""
         if not self._file.closed:
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
@@ -67,7 +63,7 @@ class McapWriter(Closing):
         return self._channels[key]
 
     def _schema(self, type_name: str, encoding: str) -> int:
-        """The id of the type's schema: its definition for CDR, its bare name for JSON and types that are not known."""
+        """The id of the schema of `type_name`: a ros2msg definition for known types in CDR, else only the name."""
         if not type_name:
             return 0
         text = schema_text(type_name) if encoding == Encoding.CDR else None

@@ -1,1 +1,1 @@
-"""The Rerun log: its stream, its blueprint, the process that draws it, and the viewer."""
+"""The Rerun log: its stream, its blueprint, the process that writes it, and the viewer."""

@@ -1,4 +1,4 @@
-"""Arrow arrays straight from numpy: Rerun takes them as they are; its own conversion costs as much again."""
+"""Arrow arrays from numpy arrays. Rerun accepts them as they are; its own conversion doubles the time to log."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,22 +21,22 @@ _F32_CODE, _FIRST = pa.py_buffer(bytes([_BUFFER.type_codes[_F32]])), pa.py_buffe
 
 
 def points(xy: NDArray[Any]) -> Any:  # noqa: ANN401 - Rerun's types do not mention Arrow
-    """(n, 2) points."""
+    """(n, 2) points, m."""
     return _vectors(xy, _VEC2)
 
 
 def translation(x: float, y: float) -> Any:  # noqa: ANN401
-    """A place in the plane."""
+    """A translation in the plane, m."""
     return _vectors(np.array([x, y, 0.0]), _VEC3)
 
 
 def heading(theta: float) -> Any:  # noqa: ANN401
-    """A turn by `theta` (rad) in the plane."""
+    """A rotation by `theta` (rad) in the plane."""
     return _vectors(np.array([0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2)]), _QUATERNION)
 
 
 def strips(lines: Sequence[NDArray[Any]] | NDArray[Any]) -> Any:  # noqa: ANN401
-    """Line strips of (n_i, 2) points each."""
+    """Line strips, each of (n_i, 2) points, m."""
     ends = np.cumsum([0, *(len(line) for line in lines)], dtype=np.int32)
     joined = np.concatenate(lines) if len(lines) else np.zeros((0, 2))
     return pa.ListArray.from_arrays(pa.array(ends), _vectors(joined, _VEC2), type=_STRIPS)
@@ -48,7 +48,7 @@ def _vectors(values: NDArray[Any], kind: pa.DataType) -> pa.Array:
 
 
 def tensor(values: NDArray[Any]) -> Any:  # noqa: ANN401
-    """(n,) numbers, as float32."""
+    """A tensor of (n,) numbers, as float32."""
     flat = pa.array(np.ascontiguousarray(values, np.float32))
     children = list(_NO_NUMBERS)
     children[_F32] = pa.ListArray.from_arrays(pa.array([0, len(values)], pa.int32()), flat, type=children[_F32].type)

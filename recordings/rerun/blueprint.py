@@ -1,4 +1,4 @@
-"""The one layout that every log carries: the map at the left, the evidence at the right, the verdicts below."""
+"""The layout of the viewer, which every log contains: map and text log left; WiFi, check and back end right."""
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -31,7 +31,7 @@ def _wifi() -> rrb.Container:
     rssi = rrb.BarChartView(origin="/wifi/rssi", name="RSSI by AP, dB above -100 dBm")
     strongest = rrb.TextDocumentView(origin="/wifi/strongest", name="Strongest APs")
     similarity = rrb.BarChartView(origin="/wifi/similarity", name="Similarity to earlier fingerprints")
-    places = rrb.Spatial2DView(origin="/", contents=["/map/grid", "/wifi/places/**"], name="Where it sounded alike")
+    places = rrb.Spatial2DView(origin="/", contents=["/map/grid", "/wifi/places/**"], name="Similar fingerprints")
     sequences = rrb.Spatial2DView(
         origin="/", contents=["/map/grid", "/wifi/sequences/**"], name="Sequences of the last candidate"
     )
@@ -66,6 +66,6 @@ def _backend() -> rrb.Container:
 
 
 def _curves(origin: str, name: str, y: rrb.ScalarAxis | None = None) -> rrb.View:
-    """Curves over the whole drive; by default only some seconds around the cursor are seen."""
+    """Curves over the whole drive; Rerun's default shows only some seconds around the cursor."""
     whole = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=rrb.TimeAxis(view_range=whole), axis_y=y)

@@ -1,4 +1,4 @@
-"""The `rerun` section of the configuration: what the Rerun log costs and where it is served."""
+"""The `rerun` section of the configuration: size and rates of the Rerun log, and where it is served."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ from wayfi.backend.options import option
 
 @dataclass(frozen=True)
 class RerunConfig:
-    """Section `rerun`: the picture of a run, in a file and live."""
+    """Section `rerun`: the log of a run, in a file and live."""
 
-    enabled: bool = option(True, "", "the picture of a run is how it is understood; replay --no-rrd leaves it out")
+    enabled: bool = option(True, "", "shows what the system believed and why; replay --no-rrd leaves it out")
     port: int = option(9876, "", "the port a Rerun viewer connects to unless told otherwise; bound to 127.0.0.1")
-    server_memory_limit: str = option("256MiB", "", "what a viewer that joins late is shown; a car park takes 100 MB")
-    part_mb: float = option(256.0, "MiB", "a daemon's file of this size ends, and the next begins with the map so far")
-    pose_hz: float = option(1.0, "Hz", "0.4 m between two pictures of a robot at 0.4 m/s")
+    server_memory_limit: str = option("256MiB", "", "history for viewers that connect late; a car park takes 100 MB")
+    part_mb: float = option(256.0, "MiB", "a daemon starts its next file at this size, with the map so far")
+    pose_hz: float = option(1.0, "Hz", "0.4 m between two logged poses of a robot at 0.4 m/s")
     scan_hz: float = option(1.0, "Hz", "the current scan and the local submap: a keyframe a second at 0.4 m/s")
     wifi_hz: float = option(0.25, "Hz", "a bar chart costs 1 ms; a fingerprint every two seconds says little new")
     grid_cells_per_s: float = option(1e5, "cells/s", "a grid of 2.4 million cells every 24 s: the log stays linear")
-    scan_points: int = option(400, "points", "enough to see the walls of one keyframe; 3 kB each")
+    scan_points: int = option(400, "points", "enough to see the walls of one keyframe; 3 kB a keyframe")
     submap_keyframes: int = option(10, "keyframes", "one frame to move in a correction; about 4 m of driving")

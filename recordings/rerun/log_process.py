@@ -1,7 +1,7 @@
-"""The Rerun log in a process of its own, so that drawing takes another core than estimating.
+"""The Rerun log in a process of its own, so that logging and estimation use different cores.
 
-Events go to it pickled, over its standard input, and none is lost: where it is the slower of the two, the sender waits.
-It finishes its file when that input ends, however the sender ended.
+Events are pickled and sent to its standard input. None is lost: a sender that is faster has to wait. The process
+finishes its file when its input ends, even if the sender was killed.
 """
 
 import contextlib
@@ -20,13 +20,13 @@ from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event
 from wayfi.recordings.rerun.config import RerunConfig
 
-BATCH = 64  # messages to a pickle: one that is alone costs as much again
-AHEAD = 100  # pickles that may wait to be taken: some 30 MB
+BATCH = 64  # messages in a pickle; a pickle for each message doubles the time
+MAX_QUEUED = 100  # pickles, about 30 MB
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A file that a log is written to from now on, alone, and what is shown in it first; `served` live as well."""
+    """The next file of a log. It starts with the events `history`; with `served`, the log is also served live."""
 
     config: RerunConfig
     path: Path
@@ -36,65 +36,65 @@ class Part:
 
 
 class LogProcessError(WayfiError):
-    """The log could not be written."""
+    """The log process failed; its file may be incomplete."""
 
 
 class LogProcess:
-    """A RerunLog that runs beside: the same calls. Raises LogProcessError where it ended early."""
+    """A RerunLog in another process, with the same calls. They raise LogProcessError if the process has failed."""
 
     def __init__(self, part: Part) -> None:
         command = [sys.executable, "-m", "wayfi.recordings.rerun.log_server"]
-        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints)
-        self._pickles: queue.Queue[bytes | None] = queue.Queue(AHEAD)
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._stderr)
+        self._pickles: queue.Queue[bytes | None] = queue.Queue(MAX_QUEUED)
         self._writer = threading.Thread(target=self._write, name="log writer", daemon=True)
         self._writer.start()
-        self._waiting: list[Any] = []
+        self._batch: list[Any] = []
         self._send([part])
 
     def log(self, event: Event) -> None:
-        """Show `event`."""
+        """Shows `event`."""
         self._add(event)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Show how many seconds each stage took."""
+        """Shows how many seconds each stage took."""
         self._add(dict(durations))
 
     def begin(self, part: Part) -> None:
-        """Finish the file, and go on in another."""
+        """Finishes the current file and continues in that of `part`."""
         self.flush()
         self._send([part])
 
     def flush(self) -> None:
-        """Send what waits for a pickle of its own to fill."""
-        if self._waiting:
-            self._send(self._waiting)
-            self._waiting = []
+        """Sends the messages of the incomplete batch."""
+        if self._batch:
+            self._send(self._batch)
+            self._batch = []
 
     @property
     def behind(self) -> bool:
-        """Whether one more pickle would have to wait."""
+        """Whether the queue is full: the next batch would wait."""
         return self._pickles.full()
 
     def close(self) -> None:
-        """Everything is in the file afterwards."""
-        if self._complaints.closed:
+        """Waits until everything is in the file, and ends the process."""
+        if self._stderr.closed:
             return
         self.flush()
         self._end()
 
     def _add(self, message: Event | dict[str, float]) -> None:
-        self._waiting.append(message)
-        if len(self._waiting) >= BATCH:
+        self._batch.append(message)
+        if len(self._batch) >= BATCH:
             self.flush()
 
-    def _send(self, value: Any) -> None:  # noqa: ANN401 - whatever the other side takes
+    def _send(self, value: Any) -> None:  # noqa: ANN401 - a batch of messages, or of one Part
         if self._process.poll() is not None:
             self._end()
         self._pickles.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
 
     def _write(self) -> None:
-        """Hand pickles over as fast as they are taken; what comes after the other side has ended is let go."""
+        """Writes queued pickles to the process; discards them once the process has ended."""
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError), self._process.stdin as pipe:
             while (data := self._pickles.get()) is not None:
@@ -105,14 +105,14 @@ class LogProcess:
             pass
 
     def _end(self) -> None:
-        """Wait for the other side to finish; raises LogProcessError with its last word if it failed. Once only."""
-        if self._complaints.closed:
+        """Waits for the process to end. Raises LogProcessError with its last line on stderr if it failed."""
+        if self._stderr.closed:
             return
         self._pickles.put(None)
         self._writer.join()
         code = self._process.wait()
-        with self._complaints as complaints:
-            complaints.seek(0)
-            lines = complaints.read().decode(errors="replace").strip().splitlines()
+        with self._stderr as stderr:
+            stderr.seek(0)
+            lines = stderr.read().decode(errors="replace").strip().splitlines()
         if code:
             raise LogProcessError(f"the log ended early: {lines[-1] if lines else f'code {code}'}")

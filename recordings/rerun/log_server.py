@@ -1,4 +1,4 @@
-"""The process behind a LogProcess: it logs what comes on its standard input until that ends."""
+"""The main program of a LogProcess: it logs the messages from its standard input until that ends."""
 
 import contextlib
 import pickle
@@ -13,27 +13,27 @@ from wayfi.recordings.rerun.rerun_log import RerunLog
 
 
 def _serve() -> None:
-    """Log what comes on standard input until it ends."""
+    """Logs the messages from standard input until it ends."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     source = sys.stdin.buffer
     logs = _Logs()
-    with contextlib.suppress(EOFError, pickle.UnpicklingError):  # the sender is done, or was killed within a message
+    with contextlib.suppress(EOFError, pickle.UnpicklingError):  # the pipe was closed, perhaps within a message
         while True:
             for message in pickle.load(source):
-                logs.take(message)
+                logs.add(message)
     logs.close()
 
 
 class _Logs:
-    """The file of the newest part, and the log that is served from the first part on."""
+    """The log to the current file, and the live log, which exists from the first served part on."""
 
     def __init__(self) -> None:
         self._file: Log = NullLog()
         self._live: Log | None = None
 
-    def take(self, message: Part | Event | dict[str, float]) -> None:
-        """Show what there is to show."""
+    def add(self, message: Part | Event | dict[str, float]) -> None:
+        """Shows an event or durations, or begins the next file."""
         if isinstance(message, Part):
             self._begin(message)
             return
@@ -44,7 +44,7 @@ class _Logs:
                 log.log(message)
 
     def close(self) -> None:
-        """Finish the files."""
+        """Finishes both logs."""
         self._file.close()
         if self._live is not None:
             self._live.close()
@@ -52,11 +52,11 @@ class _Logs:
     def _begin(self, part: Part) -> None:
         self._file.close()
         self._file = RerunLog(part.config, part.path, recording_id=part.recording_id)
-        begun: list[Log] = [self._file]
+        new_logs: list[Log] = [self._file]
         if part.served and self._live is None:
             self._live = RerunLog(part.config, None, serve=True, recording_id=part.recording_id)
-            begun.append(self._live)
-        for log in begun:
+            new_logs.append(self._live)
+        for log in new_logs:
             for event in part.history:
                 log.log(event)
 

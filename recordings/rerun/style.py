@@ -1,4 +1,4 @@
-"""One colour and one width for each thing, in every view; made for a dark background."""
+"""The colours of all views, chosen for a dark background."""
 
 import rerun as rr
 
@@ -31,6 +31,6 @@ STATE: dict[State, Color] = {
 }
 
 
-def ui(points: float) -> rr.components.Radius:
-    """A radius of `points` on the screen, however far the view is zoomed."""
-    return rr.components.Radius(-points)  # Rerun keeps lengths on the screen as negative ones
+def screen_radius(points: float) -> rr.components.Radius:
+    """A radius of `points` on the screen, independent of the zoom."""
+    return rr.components.Radius(-points)  # a negative radius is in screen units

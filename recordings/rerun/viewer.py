@@ -1,4 +1,4 @@
-"""`wayfi view`: a run's log in the Rerun viewer, or in a browser."""
+"""`wayfi view`: the log of a drive in the Rerun viewer or a browser."""
 
 from pathlib import Path
 from urllib.parse import quote
@@ -7,10 +7,10 @@ from wayfi.recordings.rerun.viewer_process import HOST, ViewerError, free_port, 
 
 
 def view(path: Path, web: bool = False) -> None:
-    """Show the log of a run: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest).
+    """Shows a log: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest is shown).
 
-    Blocks until the viewer ends; Ctrl-C ends it. With `web` the viewer is served on 127.0.0.1 and its address printed.
-    Raises ViewerError where there is no such log, or the viewer fails.
+    Blocks until the viewer ends; Ctrl-C ends it. With `web`, serves the web viewer on 127.0.0.1 and prints its address.
+    Raises ViewerError if there is no log or the viewer fails.
     """
     log = find_log(path)
     arguments, address = _served(log) if web else (["--port", str(free_port()), str(log)], None)
@@ -27,7 +27,7 @@ def view(path: Path, web: bool = False) -> None:
 
 
 def find_log(path: Path) -> Path:
-    """The .rrd file that `path` stands for. Raises ViewerError where there is none."""
+    """The .rrd file of `path`, a file or a folder. Raises ViewerError if there is none."""
     if path.is_file():
         if path.suffix != ".rrd":
             raise ViewerError(f"{path} is not an .rrd file: name the folder of a run or its session.rrd")
@@ -44,7 +44,7 @@ def find_log(path: Path) -> Path:
 
 
 def _served(log: Path) -> tuple[list[str], str]:
-    """The arguments that serve `log`, and the address to open."""
+    """The viewer's arguments that serve `log`, and the address to open."""
     page, data = free_port(), free_port()
     source = quote(f"rerun+http://{HOST}:{data}/proxy", safe=":/")
     arguments = ["--serve-web", "--web-viewer-port", str(page), "--port", str(data), str(log)]

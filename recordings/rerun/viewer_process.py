@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process of its own: it listens on 127.0.0.1 alone and reports nothing to anybody."""
+"""The Rerun viewer as a subprocess that listens on 127.0.0.1 only and sends no analytics."""
 
 import os
 import signal
@@ -14,23 +14,24 @@ HOST = "127.0.0.1"
 
 
 class ViewerError(WayfiError):
-    """The viewer cannot show this."""
+    """The viewer cannot start, or cannot show the log."""
 
 
 @contextmanager
 def viewer_process(
     arguments: list[str], environment: dict[str, str] | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """`rerun --bind 127.0.0.1 ARGUMENTS`, ended at the end of the block, with every process it started.
+    """Runs `rerun --bind 127.0.0.1 ARGUMENTS` during the block; then ends it and its child processes.
 
-    `CI` set is how Rerun is told to keep its analytics off without writing to the user's configuration.
+    Raises ViewerError if it cannot start. `CI` in the environment turns Rerun's analytics off without a change of the
+    user's configuration.
     """
     command = [sys.executable, "-m", "rerun", "--bind", HOST, *arguments]
     quiet = {"CI": "1", "RUST_LOG": os.environ.get("RUST_LOG", "error")}
     try:
         process = subprocess.Popen(command, env={**os.environ, **quiet, **(environment or {})}, start_new_session=True)
     except OSError as error:
-        raise ViewerError(f"cannot start the Rerun viewer ({error}): install rerun-sdk beside wayfi") from error
+        raise ViewerError(f"cannot start the Rerun viewer ({error}): is rerun-sdk installed?") from error
     try:
         yield process
     finally:
@@ -40,7 +41,7 @@ def viewer_process(
 
 
 def free_port() -> int:
-    """A TCP port of 127.0.0.1 that nobody listens on."""
+    """A free TCP port of 127.0.0.1."""
     with socket.socket() as probe:
         probe.bind((HOST, 0))
         port: int = probe.getsockname()[1]

@@ -1,1 +1,1 @@
-"""ROS 2 messages and measurements: CDR and JSON, decoded and encoded."""
+"""ROS 2 messages in CDR and JSON: decoding into measurements, and encoding."""

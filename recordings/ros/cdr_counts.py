@@ -1,6 +1,6 @@
-"""How many entries a CDR message says it has, read before each of them becomes an object.
+"""Checks of the number of entries in a CDR message, before it is decoded.
 
-Of millions of empty entries, which fit into one message, the objects take seconds to make.
+A message has space for millions of empty entries; decoding them into objects would take seconds.
 """
 
 import struct
@@ -14,16 +14,16 @@ _HEIGHT_WIDTH_BYTES = 8
 
 
 def check_entries(data: bytes, sensor: Sensor) -> None:
-    """Raises CodecError where there are too many transforms or point fields, struct.error where `data` is too short."""
+    """Raises CodecError for too many transforms or point fields, struct.error if `data` is too short."""
     if sensor is Sensor.TF_STATIC:
-        check_count("transforms", _number(data, 0), MAX_TRANSFORMS)
+        check_count("transforms", _uint32_at(data, 0), MAX_TRANSFORMS)
     elif sensor is Sensor.POINTS:
-        frame_end = _STAMP_BYTES + 4 + _number(data, _STAMP_BYTES)
-        check_count("fields of a point", _number(data, (frame_end + 3) // 4 * 4 + _HEIGHT_WIDTH_BYTES), MAX_FIELDS)
+        frame_end = _STAMP_BYTES + 4 + _uint32_at(data, _STAMP_BYTES)
+        check_count("fields of a point", _uint32_at(data, (frame_end + 3) // 4 * 4 + _HEIGHT_WIDTH_BYTES), MAX_FIELDS)
 
 
-def _number(data: bytes, position: int) -> int:
-    """The uint32 at `position` after the encapsulation header."""
+def _uint32_at(data: bytes, position: int) -> int:
+    """The uint32 at `position`, counted from the end of the encapsulation header."""
     order = "<" if data[1:2] == b"\x01" else ">"
     (number,) = struct.unpack_from(order + "I", data, _ENCAPSULATION_BYTES + position)
     return int(number)

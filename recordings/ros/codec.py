@@ -1,4 +1,4 @@
-"""Bytes to measurements and back, in CDR as ROS 2 writes it and in JSON with the same field names."""
+"""Decodes messages into measurements and encodes them: CDR as in ROS 2, or JSON with the same field names."""
 
 import struct
 
@@ -8,13 +8,11 @@ from wayfi.frontends.measurements import Measurement, Sensor
 from wayfi.recordings.ros.cdr_counts import check_entries
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.json_codec import json_of_message, message_of_json
-from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE, sensor_of_type
+from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, TYPESTORE
 from wayfi.recordings.ros.ros_measurements import to_measurement
 from wayfi.recordings.ros.ros_messages import to_message
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.ros.wifi_cdr import read_wifi_scan
-
-__all__ = ["CodecError", "Encoding", "decode", "encode", "sensor_of_type"]
 
 _MALFORMED = (
     SerdeError,
@@ -29,10 +27,10 @@ _MALFORMED = (
 
 
 def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
-    """The measurement of `sensor` in one message's `data`; CDR may be of either byte order.
+    """The measurement of `sensor` in the message `data`; CDR in either byte order.
 
-    A quaternion of zeros gives a heading of NaN; non-finite poses and ranges are passed on. Raises CodecError, and
-    nothing else, for anything malformed.
+    A zero quaternion gives a heading of NaN. Non-finite poses and ranges are not an error here. Raises CodecError, and
+    nothing else, for malformed data.
     """
     try:
         if encoding is Encoding.JSON:
@@ -46,7 +44,7 @@ def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
 
 
 def encode(measurement: Measurement, encoding: Encoding = Encoding.CDR) -> bytes:
-    """One message with this measurement. Raises CodecError where it does not fit the message's fields."""
+    """The message with this measurement. Raises CodecError for values that do not fit its fields."""
     try:
         message, type_name = to_message(measurement)
         if encoding is Encoding.JSON:

@@ -1,4 +1,4 @@
-"""The one error of decoding and encoding messages."""
+"""The error of decoding and encoding messages."""
 
 from wayfi.backend.errors import WayfiError
 

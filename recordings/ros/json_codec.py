@@ -1,7 +1,7 @@
 """ROS messages as JSON with the same field names.
 
-Missing fields take zero, save those listed as required. JSON has no NaN and no infinity: `null` stands for both and is
-read as NaN. Bytes (`uint8[]`) are base64, as rosbridge writes them, or a list of numbers.
+Missing fields are zero, except required ones. JSON has no NaN and no infinity: both are written as `null`, which is
+read as NaN. Bytes (`uint8[]`) are base64, as in rosbridge, or a list of numbers.
 """
 
 import base64
@@ -41,15 +41,15 @@ MAX_ENTRIES = {
     "transforms": MAX_TRANSFORMS,
     "fields": MAX_FIELDS,
 }
-MAX_COMMAS = 250_000  # so many values take 40 ms to read; a scan of the most beams has 100,000
+MAX_COMMAS = 250_000  # so many values are read in 40 ms; the largest scan allowed has 100,000
 _FLOAT_LIMITS = {"float32": float(np.finfo(np.float32).max), "float64": float(np.finfo(np.float64).max)}
 
 
 def message_of_json(data: bytes, type_name: str) -> Message:
     """The message of `type_name` in JSON `data`.
 
-    Raises CodecError for missing fields, wrong types, numbers out of range and too much of it; ValueError or
-    RecursionError where `data` is not JSON.
+    Raises CodecError for missing fields, wrong types, numbers out of range and too many entries; ValueError or
+    RecursionError if `data` is not JSON.
     """
     check_count("commas", data.count(b","), MAX_COMMAS)
     return _message(json.loads(data), type_name, "", REQUIRED[type_name])
@@ -71,11 +71,11 @@ def _message(value: object, type_name: str, path: str, required: frozenset[str])
         elif field_path in required:
             raise CodecError(f"{field_path} is missing")
         else:
-            values.append(_missing(description, field_path, required))
+            values.append(_default(description, field_path, required))
     return TYPESTORE.types[type_name](*values)
 
 
-def _missing(description: Description, path: str, required: frozenset[str]) -> object:
+def _default(description: Description, path: str, required: frozenset[str]) -> object:
     node, detail = description
     if node == Nodetype.NAME:
         return _message({}, detail, path, required)
@@ -158,7 +158,7 @@ def _plain_message(message: Message, type_name: str) -> dict[str, object]:
     return {name: _plain(getattr(message, name), description) for name, description in fields}
 
 
-def _plain(value: Any, description: Description) -> object:  # noqa: ANN401 - as the description says
+def _plain(value: Any, description: Description) -> object:  # noqa: ANN401 - of the type in `description`
     node, detail = description
     if node == Nodetype.NAME:
         return _plain_message(value, detail)

@@ -1,4 +1,4 @@
-"""The ROS 2 message types wayfi reads and publishes: one typestore, their schemas and their default topics."""
+"""The ROS 2 message types that wayfi reads and publishes: the typestore, schemas and default topics."""
 
 from functools import lru_cache
 from types import MappingProxyType
@@ -40,8 +40,8 @@ TYPE_OF_SENSOR = MappingProxyType(
     }
 )
 NS_PER_S = 1_000_000_000
-# (9,) where the rows and columns (x, y, theta) of a 6 x 6 covariance lie in the message's (36,) array.
-PLANAR = np.array([6 * row + column for row in (0, 1, 5) for column in (0, 1, 5)])
+# (9,) indices of the rows and columns (x, y, theta) of a 6 x 6 covariance in the (36,) array of a message.
+PLANAR_INDICES = np.array([6 * row + column for row in (0, 1, 5) for column in (0, 1, 5)])
 DEFAULT_TOPICS = MappingProxyType({sensor: f"/{sensor}" for sensor in Sensor})
 _SENSOR_OF_TYPE = {type_name: sensor for sensor, type_name in TYPE_OF_SENSOR.items()}
 
@@ -56,7 +56,7 @@ TYPESTORE = _build_typestore()
 
 
 def canonical_type(type_name: str) -> str:
-    """`type_name` as `package/msg/Name`; the DDS form `package::msg::dds_::Name_` and `package/Name` are understood."""
+    """`type_name` as `package/msg/Name`, from that, `package/Name` or the DDS form `package::msg::dds_::Name_`."""
     if "::" in type_name:
         type_name = type_name.replace("::dds_::", "::").removesuffix("_").replace("::", "/")
     parts = type_name.split("/")
@@ -64,13 +64,13 @@ def canonical_type(type_name: str) -> str:
 
 
 def sensor_of_type(type_name: str) -> Sensor | None:
-    """The sensor whose messages have this type, or None for any other type."""
+    """The sensor whose messages have this type; None for other types."""
     return _SENSOR_OF_TYPE.get(canonical_type(type_name))
 
 
 @lru_cache(maxsize=256)
 def schema_text(type_name: str) -> str | None:
-    """The ros2msg definition of `type_name` with its dependencies, or None for a type that is not known."""
+    """The ros2msg definition of `type_name` with its dependencies; None for an unknown type."""
     if type_name not in TYPESTORE.fielddefs:
         return None
     return TYPESTORE.generate_msgdef(type_name, ros_version=2)[0]

@@ -1,4 +1,4 @@
-"""The points of a PointCloud2: x, y, z wherever its fields put them, organised or not, of either byte order."""
+"""The points of a PointCloud2, with any order of fields, organised or not, in either byte order."""
 
 from typing import Any
 
@@ -9,15 +9,15 @@ from wayfi.recordings.ros.codec_error import CodecError
 
 MAX_POINTS = 10_000_000
 TIME_FIELDS = ("time", "t", "timestamp", "time_stamp", "offset_time", "time_offset")
-"""What drivers call the time of a point: Velodyne, Ouster, Hesai and RoboSense, the last three Livox and others."""
+"""The names of the time field: of Velodyne, of Ouster, of Hesai and RoboSense, then of Livox and others."""
 _FLOAT_OF_DATATYPE = {7: "f4", 8: "f8"}
 _NUMBER_OF_DATATYPE = {5: "i4", 6: "u4"} | _FLOAT_OF_DATATYPE
 
 
 def points_of_cloud(message: Any) -> tuple[NDArray[np.float32], NDArray[Any] | None]:  # noqa: ANN401 - a class the typestore generates
-    """(n, 3) float32 x, y, z (m) of a PointCloud2 `message`, and (n,) times in the driver's own unit, None without.
+    """(n, 3) float32 x, y, z (m) of a PointCloud2 `message`, and (n,) times in the driver's unit, None without times.
 
-    Organised clouds are flattened row by row. Raises CodecError where a field is missing or no float, or where the
+    Organised clouds are flattened row by row. Raises CodecError if x, y or z is missing or not a float, and if the
     sizes do not fit the data.
     """
     if message.height * message.width == 0:
@@ -45,11 +45,13 @@ def _point_dtype(message: Any) -> np.dtype[np.void]:  # noqa: ANN401
         names.append(axis)
         formats.append(order + _FLOAT_OF_DATATYPE[fields[axis].datatype])
         offsets.append(fields[axis].offset)
-    timed = next((fields[n] for n in TIME_FIELDS if n in fields and fields[n].datatype in _NUMBER_OF_DATATYPE), None)
-    if timed is not None:
+    time_field = next(
+        (fields[n] for n in TIME_FIELDS if n in fields and fields[n].datatype in _NUMBER_OF_DATATYPE), None
+    )
+    if time_field is not None:
         names.append("time")
-        formats.append(order + _NUMBER_OF_DATATYPE[timed.datatype])
-        offsets.append(timed.offset)
+        formats.append(order + _NUMBER_OF_DATATYPE[time_field.datatype])
+        offsets.append(time_field.offset)
     if max(offset + int(form[-1]) for offset, form in zip(offsets, formats, strict=True)) > message.point_step:
         raise CodecError(f"PointCloud2's fields do not fit its point_step of {message.point_step} bytes")
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step})

@@ -1,4 +1,4 @@
-"""When each point of a cloud was taken, in seconds after its stamp, whatever unit and origin its driver uses."""
+"""The time of each point of a cloud in seconds after its stamp, from any unit and origin that drivers use."""
 
 from typing import Any
 
@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 LONGEST_SWEEP_S = 1.0
-LARGEST_OFFSET_S = 1.0  # between a cloud's stamp and its first point; what is more is another clock
+LARGEST_OFFSET_S = 1.0  # from a cloud's stamp to its first point; larger offsets mean another clock
 
 
 def seconds_after_stamp(times: NDArray[Any], stamp_ns: int) -> NDArray[np.float32] | None:
-    """(n,) float32 s after `stamp_ns` of `times` (n,) as a driver gives them; None where they say nothing.
+    """(n,) float32 seconds after `stamp_ns` of the driver's `times` (n,); None if all times are equal or not finite.
 
-    The unit is the largest of s, ms, us and ns in which the sweep lasts a second at most; that is unambiguous for
-    sweeps of 1 ms and longer. Times count from the stamp, or from the epoch; those of another clock are taken to begin
-    at the stamp. A time that is not finite counts as the first.
+    The unit is the largest of s, ms, us and ns for which the sweep lasts at most a second; this is unambiguous for
+    sweeps of at least 1 ms. Times may count from the stamp or from the epoch; times of another clock are shifted so
+    that the first is at the stamp. A non-finite time is set to the first.
     """
     finite = np.isfinite(times)
     if not finite.any():
@@ -30,7 +30,7 @@ def seconds_after_stamp(times: NDArray[Any], stamp_ns: int) -> NDArray[np.float3
 
 
 def _first_s(first_s: float, stamp_ns: int) -> float:
-    """Seconds from the stamp to the first point, said by its time since the stamp or since the epoch."""
+    """Seconds from the stamp to the first point, whose time counts from the stamp, the epoch or another clock."""
     for offset_s in (first_s, first_s - stamp_ns * 1e-9):
         if abs(offset_s) <= LARGEST_OFFSET_S:
             return offset_s

@@ -1,4 +1,4 @@
-"""Measurements of ROS messages; a message is an object of the class that the typestore has for its type."""
+"""Converts ROS messages, which are objects of the typestore's classes, to measurements."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.ros.codec_error import CodecError
-from wayfi.recordings.ros.messages import NS_PER_S, PLANAR
+from wayfi.recordings.ros.messages import NS_PER_S, PLANAR_INDICES
 from wayfi.recordings.ros.point_layout import points_of_cloud
 from wayfi.recordings.ros.point_times import seconds_after_stamp
 
@@ -35,12 +35,12 @@ _SMALLEST_SQUARED_NORM = 1e-12
 
 
 def to_measurement(message: Message, sensor: Sensor) -> Measurement:
-    """The measurement of a `message` of the type of `sensor`. Raises CodecError for numbers out of range."""
+    """The measurement in `message`, of the type of `sensor`. Raises CodecError for numbers out of range."""
     return _READERS[sensor](message)
 
 
 def stamp_ns_of(sec: int, nanosec: int) -> int:
-    """The nanoseconds of a ROS time. Raises CodecError for a negative time or a second of nanoseconds and more."""
+    """The nanoseconds of a ROS time. Raises CodecError for a negative time or nanosec >= 1e9."""
     if sec < 0 or nanosec >= NS_PER_S:
         raise CodecError(f"stamp of {sec} s and {nanosec} ns is out of range")
     return sec * NS_PER_S + nanosec
@@ -55,19 +55,19 @@ def wifi_scan(
     frequency_mhz: Sequence[int],
     age_s: Float32s,
 ) -> WifiScan:
-    """The WiFi scan of these fields, its BSSIDs in lower-case colon form."""
+    """The WiFi scan with these fields, BSSIDs converted to lower-case colon form."""
     normal = tuple([bssid.lower().replace("-", ":") for bssid in bssids])
     return WifiScan(stamp_ns, receiver, normal, rssi, age_s, tuple(ssids), tuple(frequency_mhz))
 
 
 def check_count(what: str, count: int, limit: int) -> None:
-    """Raises CodecError where there are more than `limit`."""
+    """Raises CodecError if `count` is over `limit`."""
     if count > limit:
         raise CodecError(f"{count} {what} in one message; the limit is {limit}")
 
 
 def check_name(name: str) -> str:
-    """`name`, of a frame or a receiver. Raises CodecError where it is longer than `MAX_NAME`."""
+    """Returns `name`, of a frame or a receiver. Raises CodecError if it is longer than `MAX_NAME`."""
     if len(name) > MAX_NAME:
         raise CodecError(f"a name of {len(name)} letters; the limit is {MAX_NAME}")
     return name
@@ -80,7 +80,7 @@ def _header_stamp_ns(message: Message) -> int:
 
 
 def _theta(q: Message) -> float:
-    """The heading (rad) of the quaternion `q`, NaN where it is (nearly) zero."""
+    """The heading (rad) of the quaternion `q`; NaN if `q` is (nearly) zero."""
     norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
     if norm2 < _SMALLEST_SQUARED_NORM:
         return math.nan
@@ -88,8 +88,8 @@ def _theta(q: Message) -> float:
 
 
 def _planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Rows and columns (x, y, theta) of the (36,) `covariance`; None where all zero or not finite."""
-    planar = covariance[PLANAR].reshape(3, 3)
+    """(3, 3) in (x, y, theta) of the (36,) `covariance`; None if all zero or not finite."""
+    planar = covariance[PLANAR_INDICES].reshape(3, 3)
     return planar if np.isfinite(planar).all() and planar.any() else None
 
 

@@ -1,4 +1,4 @@
-"""ROS messages of measurements; a message is an object of the class that the typestore has for its type."""
+"""Converts measurements to ROS messages, which are objects of the typestore's classes."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ from wayfi.recordings.ros.messages import (
     LASER_SCAN,
     NS_PER_S,
     ODOMETRY,
-    PLANAR,
+    PLANAR_INDICES,
     POINT_CLOUD,
     TF_MESSAGE,
     TYPESTORE,
@@ -34,7 +34,7 @@ Message = Any
 def to_message(measurement: Measurement) -> tuple[Message, str]:
     """The ROS message of `measurement`, and its type name.
 
-    Raises CodecError where the lengths of its fields disagree.
+    Raises CodecError if the lengths of its fields differ, or a ROS time cannot hold its stamp.
     """
     writer, type_name = _WRITERS[type(measurement)]
     return writer(measurement), type_name
@@ -46,7 +46,7 @@ def new_message(type_name: str, *values: Any) -> Message:  # noqa: ANN401 - each
 
 
 def header(stamp_ns: int, frame_id: str) -> Message:
-    """A std_msgs/Header. Raises CodecError where a ROS time cannot hold `stamp_ns`."""
+    """A std_msgs/Header. Raises CodecError if a ROS time cannot hold `stamp_ns`."""
     if not 0 <= stamp_ns < 2**31 * NS_PER_S:
         raise CodecError(f"stamp of {stamp_ns} ns is out of the range of a ROS time")
     time = new_message("builtin_interfaces/msg/Time", *divmod(stamp_ns, NS_PER_S))
@@ -65,10 +65,10 @@ def planar_pose(pose: Pose2) -> Message:
 
 
 def full_covariance(covariance: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """(36,) row-major covariance of a (3, 3) one in (x, y, theta); zeros for None."""
+    """The (36,) row-major 6 x 6 covariance of a (3, 3) one in (x, y, theta); zeros for None."""
     full = np.zeros(36)
     if covariance is not None:
-        full[PLANAR] = np.asarray(covariance, dtype=np.float64).reshape(9)
+        full[PLANAR_INDICES] = np.asarray(covariance, dtype=np.float64).reshape(9)
     return full
 
 
@@ -78,8 +78,8 @@ def pose_with_covariance(pose: Pose2, covariance: NDArray[np.float64] | None) ->
 
 
 def _write_odometry(odometry: Odometry) -> Message:
-    still = new_message("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    twist = new_message("geometry_msgs/msg/Twist", still, still)
+    zero = new_message("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    twist = new_message("geometry_msgs/msg/Twist", zero, zero)
     return new_message(
         ODOMETRY,
         header(odometry.stamp_ns, odometry.frame_id),
@@ -134,13 +134,13 @@ def _write_static_transforms(transforms: StaticTransforms) -> Message:
 
 
 def _write_static_transform(transform: StaticTransform, stamp_ns: int) -> Message:
-    moved = new_message(
+    pose = new_message(
         "geometry_msgs/msg/Transform",
         new_message("geometry_msgs/msg/Vector3", *transform.translation_xyz),
         new_message("geometry_msgs/msg/Quaternion", *transform.rotation_xyzw),
     )
     head = header(stamp_ns, transform.frame_id)
-    return new_message("geometry_msgs/msg/TransformStamped", head, transform.child_frame_id, moved)
+    return new_message("geometry_msgs/msg/TransformStamped", head, transform.child_frame_id, pose)
 
 
 _WRITERS: dict[type, tuple[Any, str]] = {

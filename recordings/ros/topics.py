@@ -1,4 +1,4 @@
-"""Which topic of a recording feeds which sensor, and why another one does not."""
+"""Which topics of a recording are read for which sensor, and why others are not."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from enum import StrEnum
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor_of_type
 
-CONTROL_TOPIC = "/wayfi/marks"  # of a daemon's black box: what it did between two messages
+CONTROL_TOPIC = "/wayfi/marks"  # of a black box: what the daemon did between two messages
 
 
 class Encoding(StrEnum):
-    """How a message is laid out in bytes, as MCAP channels name it."""
+    """The encoding of a message, by the name that MCAP channels use."""
 
     CDR = "cdr"
     JSON = "json"
@@ -19,7 +19,7 @@ class Encoding(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where a topic leads: `sensor` and `encoding` if it is used, both None if not; `why` says so in words."""
+    """The `sensor` and `encoding` that a topic is read with, both None if it is not used; `why` is an explanation."""
 
     sensor: Sensor | None
     encoding: Encoding | None
@@ -27,7 +27,7 @@ class Route:
 
     @property
     def used(self) -> bool:
-        """Whether the topic feeds a sensor."""
+        """Whether the topic is read for a sensor."""
         return self.sensor is not None
 
 

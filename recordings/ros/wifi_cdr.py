@@ -1,7 +1,7 @@
-"""A WifiScan in CDR, read by hand: three times as fast as through the typestore, and an SSID may be any bytes.
+"""A CDR reader for WifiScan alone: three times as fast as the typestore's, and it accepts SSIDs of any bytes.
 
-An SSID is up to 32 bytes in no stated encoding; what is not UTF-8 is replaced, so that one odd network does not cost
-the whole scan.
+An SSID has up to 32 bytes without a defined encoding. Bytes that are not UTF-8 are replaced, so that one such network
+does not cost the whole scan.
 """
 
 from struct import Struct
@@ -21,9 +21,9 @@ _PADDING_BYTES = 3
 
 
 def read_wifi_scan(data: bytes) -> WifiScan:
-    """The WiFi scan of CDR `data`, of either byte order.
+    """The WiFi scan in CDR `data`, in either byte order.
 
-    Raises CodecError, struct.error or UnicodeDecodeError for anything else.
+    Raises CodecError, struct.error or UnicodeDecodeError for malformed data.
     """
     order = _ORDERS.get(data[:2])
     if order is None or len(data) < 4:

@@ -1,1 +1,1 @@
-"""Simulated recordings: worlds, the robot that drives through them, and what its sensors say."""
+"""Simulated recordings: worlds, a robot that drives through them, and its sensors."""

@@ -1,6 +1,6 @@
-"""A campus: rings of long bare corridors on one floor, 260 x 110 m, with a door niche here and there.
+"""A campus: rings of long bare corridors on one floor, 260 x 110 m, with some door niches.
 
-Its laser sees 8 m, and half of what is around it: along most of the way nothing but two straight walls.
+The laser has a range of 8 m and a field of view of 180 degrees; along most of the route it sees two straight walls.
 """
 
 import math
@@ -22,7 +22,7 @@ DOOR_WIDTH_M = 1.0
 DOOR_DEPTH_M = 0.3
 ACCESS_POINTS_EVERY_M = 25.0
 
-# SICK LMS 200 in its millimetre mode, two scans a second kept
+# SICK LMS 200 in its millimetre mode, reduced to two scans a second
 LASER = LaserSpec(
     beams=180,
     angle_min=math.radians(-89.5),
@@ -45,7 +45,7 @@ def _corners() -> Floats:
 
 
 def _access_points() -> tuple[tuple[float, float], ...]:
-    """Under the ceiling of every corridor, a little off its middle to one side and the other in turn."""
+    """Positions (m) at the ceiling of every corridor, alternately left and right of its middle."""
     west_east, south_north = (np.arange(line[0] + 5.0, line[-1], ACCESS_POINTS_EVERY_M) for line in (COLUMNS_M, ROWS_M))
     rows = [(x, y + (-1) ** k * 0.8) for y in ROWS_M for k, x in enumerate(west_east.tolist())]
     columns = [(x + (-1) ** k * 0.8, y) for x in COLUMNS_M for k, y in enumerate(south_north.tolist())]
@@ -64,7 +64,7 @@ RADIO = RadioPlan(
 
 
 def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
-    """The walls of the corridors: one around everything, and one around each block between them."""
+    """The walls of the corridors: the outer wall, and one around each block between corridors."""
     (w, _, e), (s, _, n) = COLUMNS_M, ROWS_M
     to_w, to_e = COLUMN_HALF_WIDTHS_M[0], COLUMN_HALF_WIDTHS_M[-1]
     to_s, to_n = ROW_HALF_WIDTHS_M[0], ROW_HALF_WIDTHS_M[-1]
@@ -74,7 +74,7 @@ def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: 
 
 
 def _block(column: int, row: int, rng: np.random.Generator) -> Floats:
-    """(n, 4) faces of what is between two corridors and the next two."""
+    """(n, 4) faces of the block between two columns and two rows of corridors."""
     low = (COLUMNS_M[column] + COLUMN_HALF_WIDTHS_M[column], ROWS_M[row] + ROW_HALF_WIDTHS_M[row])
     column, row = column + 1, row + 1
     high = (COLUMNS_M[column] - COLUMN_HALF_WIDTHS_M[column], ROWS_M[row] - ROW_HALF_WIDTHS_M[row])
@@ -82,14 +82,14 @@ def _block(column: int, row: int, rng: np.random.Generator) -> Floats:
 
 
 def _walls(low: tuple[float, float], high: tuple[float, float], niche_m: float, rng: np.random.Generator) -> Floats:
-    """(n, 4) faces of the rectangle from `low` to `high`, whose door niches reach `niche_m` outwards."""
+    """(n, 4) faces of the rectangle from `low` to `high` (m), with door niches `niche_m` deep, positive outwards."""
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     return polygon(np.vstack([_side(start, end, niche_m, rng) for start, end in sides]))
 
 
 def _side(start: Floats, end: Floats, niche_m: float, rng: np.random.Generator) -> Floats:
-    """(n, 2) corners from `start` up to, without, `end`."""
+    """(n, 2) corners (m) from `start` to `end`, without `end`."""
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
     outwards = np.array([along[1], -along[0]])

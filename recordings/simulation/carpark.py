@@ -1,4 +1,4 @@
-"""The paper's car park: 30 x 200 m, two lanes, four rows of bays, pillars, cars that come, go and drive by."""
+"""The paper's car park: 30 x 200 m, two lanes, four rows of bays, pillars; cars park, leave and pass by."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Pose2
 from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.radio import RadioPlan
-from wayfi.recordings.simulation.surfaces import Surfaces, box, join, moving, placed, polygon, still
+from wayfi.recordings.simulation.surfaces import Surfaces, box, join, moving, polygon, still, transformed
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ RADIO = RadioPlan(
 
 
 def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:
-    """Everything the laser can see during `drive`."""
+    """All walls, pillars and cars during `drive`."""
     shell = still(np.vstack([box(X_MIN_M, Y_MIN_M, X_MAX_M, Y_MAX_M), *_pillars()]))
     return join([shell, *_parked_cars(drive.duration_s, rng), *_passing_cars(drive, rng)])
 
@@ -54,13 +54,13 @@ def _pillars() -> list[Floats]:
 
 
 def _on_crossing(x: float, y: float, half_m: float) -> bool:
-    """Whether something `half_m` to each side of x would stand in a crossing between the two lanes."""
+    """Whether an object that extends `half_m` to each side of x is in a crossing between the two lanes."""
     between = LANE_A_M < y < LANE_B_M
     return between and any(abs(x - c) < CROSSING_WIDTH_M / 2 + half_m for c in CROSSINGS_M)
 
 
 def _car(rng: np.random.Generator) -> Floats:
-    """(8, 4) faces of a car around the origin, its nose at +x."""
+    """(8, 4) faces (m) of a car around the origin, its front at +x."""
     length, width = rng.uniform(3.8, 4.6) / 2, rng.uniform(1.65, 1.9) / 2
     nose, flank = length - 0.35, width - 0.3
     quarter = np.array([[length, flank], [nose, width]])
@@ -74,7 +74,7 @@ def _parked_cars(duration_s: float, rng: np.random.Generator) -> list[Surfaces]:
         for x in np.arange(X_MIN_M + ROW_START_M + BAY_M / 2, X_MAX_M - BAY_M / 2, BAY_M):
             full, changes = rng.random() < FULL_BAYS, rng.random() < CHANGING_BAYS
             change_s = rng.uniform(0.0, duration_s)
-            shape = placed(_car(rng), _parked_pose(x, row, rng))
+            shape = transformed(_car(rng), _parked_pose(x, row, rng))
             if _on_crossing(x, row, BAY_M / 2) or not (full or changes):
                 continue
             since_s = change_s if changes and not full else -np.inf
@@ -83,16 +83,16 @@ def _parked_cars(duration_s: float, rng: np.random.Generator) -> list[Surfaces]:
 
 
 def _parked_pose(x: float, row_m: float, rng: np.random.Generator) -> Pose2:
-    """A car's pose in its bay: nose in or out, a little off the middle, a little askew."""
+    """The pose of a car in its bay: forwards or backwards, with small random offsets and angle."""
     outwards = rng.choice([-1.0, 1.0])
     theta = outwards * np.pi / 2 + rng.normal(0.0, 0.03)
     return Pose2(x + rng.uniform(-0.1, 0.1), row_m + rng.uniform(-0.05, 0.05), theta)
 
 
 def _passing_cars(drive: TrueMotion, rng: np.random.Generator) -> list[Surfaces]:
-    """Cars that drive along a lane, on the right, where that does not run the robot over."""
+    """Cars that drive on the right of a lane, and keep their distance from the robot."""
     return [
-        car for car in (_passing_car(drive.duration_s, rng) for _ in range(PASSING_CARS)) if _keeps_clear(car, drive)
+        car for car in (_passing_car(drive.duration_s, rng) for _ in range(PASSING_CARS)) if _keeps_distance(car, drive)
     ]
 
 
@@ -100,12 +100,12 @@ def _passing_car(duration_s: float, rng: np.random.Generator) -> Surfaces:
     lane, direction = rng.choice([LANE_A_M, LANE_B_M]), rng.choice([-1.0, 1.0])
     start_x, end_x = np.sort(rng.uniform(X_MIN_M + 5, X_MAX_M - 5, 2))[:: int(direction)]
     speed, since_s = rng.uniform(0.8, 3.0), rng.uniform(0.0, duration_s)
-    shape = placed(_car(rng), Pose2(start_x, lane - direction * 1.45, 0.0 if direction > 0 else np.pi))
+    shape = transformed(_car(rng), Pose2(start_x, lane - direction * 1.45, 0.0 if direction > 0 else np.pi))
     return moving(shape, since_s, since_s + abs(end_x - start_x) / speed, (direction * speed, 0.0))
 
 
-def _keeps_clear(car: Surfaces, drive: TrueMotion) -> bool:
-    """Whether the robot stays `CLEARANCE_M` away from the car's outline as long as the car drives."""
+def _keeps_distance(car: Surfaces, drive: TrueMotion) -> bool:
+    """Whether the car stays more than `CLEARANCE_M` from the robot for its whole drive."""
     time_s = np.arange(car.since_s[0], car.until_s[0], 0.1)
     shift = car.velocity_xy[0] * (time_s - car.since_s[0])[:, None]
     xy = drive.poses(time_s)[:, :2] - shift

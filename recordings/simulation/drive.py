@@ -1,4 +1,4 @@
-"""How the robot moves: along a rounded route, slower in turns, with stops. This is the truth."""
+"""The true motion of the robot: along a smoothed route, slower in turns, with stops."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,10 @@ METRES_PER_STOP = 65.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoutePlan:
-    """Where to drive: through `corners` (n, 2) m from the first on, until `length_m` of path are done, in `duration_s`.
+    """A route through `corners` (n, 2) m, which ends after `length_m` of path and takes `duration_s`.
 
-    The path strays up to about `wiggle_m` from the straight lines, so that no two passes of a lane are the same. Where
-    nothing is in the way the robot goes at `cruise_m_s`.
+    The path deviates up to about `wiggle_m` from the straight lines, so that no two passes of a lane are the same.
+    `cruise_m_s` is the speed on straight parts.
     """
 
     corners: Floats
@@ -36,9 +36,9 @@ class RoutePlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueMotion:
-    """The true motion: `distance_m` (n,) done at `time_s` (n,), and the `path` (k, 3), x, y, theta at `path_m` (k,).
+    """The true motion: the distance driven, `distance_m` (n,) at `time_s` (n,), and the path.
 
-    theta is unwrapped.
+    The path is `path` (k, 3), x, y (m), theta (rad, unwrapped), at the distances `path_m` (k,).
     """
 
     time_s: Floats
@@ -47,26 +47,26 @@ class TrueMotion:
     path: Floats
 
     def poses(self, time_s: Floats) -> Floats:
-        """(m, 3) true T_map_base at `time_s` (m,) into the drive; it stands still before and after."""
+        """(m, 3) T_map_base at `time_s` (m,) from the start; the first or last pose outside the drive."""
         return self.at(np.interp(time_s, self.time_s, self.distance_m))
 
     def at(self, at_m: Floats) -> Floats:
-        """(m, 3) T_map_base at `at_m` (m,) of the path."""
+        """(m, 3) T_map_base at the distances `at_m` (m,) along the path."""
         x, y, theta = (np.interp(at_m, self.path_m, self.path[:, k]) for k in range(3))
         return np.stack([x, y, wrap_all(theta)], axis=1)
 
-    def gone_m(self, time_s: float) -> float:
-        """Path (m) done until `time_s`."""
+    def distance_at(self, time_s: float) -> float:
+        """The distance (m) driven until `time_s`."""
         return float(np.interp(time_s, self.time_s, self.distance_m))
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first to the last moment."""
+        """The duration of the drive in seconds."""
         return float(self.time_s[-1])
 
 
 def drive(plan: RoutePlan, rng: np.random.Generator) -> TrueMotion:
-    """Drives `plan`; the stops are where `rng` has them, and long enough to end at the planned duration."""
+    """The motion along `plan`, with random stops that fill the planned duration."""
     path_m, path = _rounded(plan, rng)
     stops = _stops(len(path_m), plan.length_m, rng)
     moving_s = _times(_speeds(path_m, path[:, 2], stops, plan.cruise_m_s))
@@ -76,7 +76,7 @@ def drive(plan: RoutePlan, rng: np.random.Generator) -> TrueMotion:
 
 
 def _rounded(plan: RoutePlan, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Path lengths (k,), `STEP_M` apart, and poses (k, 3) (theta unwrapped) of the rounded and wiggled route."""
+    """Distances (k,), `STEP_M` apart, and poses (k, 3) (theta unwrapped) of the smoothed route with deviations."""
     xy = _resampled(plan.corners)
     xy = gaussian_filter1d(xy, ROUNDING_M / STEP_M, axis=0, mode="nearest")
     noise = gaussian_filter1d(rng.standard_normal(xy.shape), WIGGLE_LENGTH_M / STEP_M, axis=0)
@@ -90,21 +90,21 @@ def _rounded(plan: RoutePlan, rng: np.random.Generator) -> tuple[Floats, Floats]
 
 
 def _resampled(xy: Floats) -> Floats:
-    """The line through `xy` (n, 2), as points `STEP_M` apart."""
+    """Points (k, 2), `STEP_M` apart, on the line through `xy` (n, 2)."""
     along = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T).cumsum()]
     at = np.arange(0.0, along[-1], STEP_M)
     return np.column_stack([np.interp(at, along, xy[:, k]) for k in range(2)])
 
 
 def _stops(steps: int, length_m: float, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Indices into the path where the robot halts, spread over it."""
+    """Indices into the path where the robot stops, spread over the path."""
     count = max(round(length_m / METRES_PER_STOP), 1)
     spread = (np.arange(count) + rng.uniform(0.25, 0.75, count)) / count
     return (spread * steps).astype(np.int64)
 
 
 def _speeds(path_m: Floats, theta: Floats, stops: NDArray[np.int64], cruise_m_s: float) -> Floats:
-    """(k,) speed in m/s at each step of the path: at rest at the ends and the stops, within the bounds in between."""
+    """(k,) speeds (m/s) along the path: 0 at the ends and stops, within the limits of turn rate and acceleration."""
     curvature = np.abs(np.gradient(theta, path_m))
     limit = np.minimum(cruise_m_s, TURN_RATE_RAD_S / np.maximum(curvature, 1e-9)) ** 2
     limit[[0, -1]] = 0.0
@@ -118,14 +118,14 @@ def _speeds(path_m: Floats, theta: Floats, stops: NDArray[np.int64], cruise_m_s:
 
 
 def _times(speeds: Floats) -> Floats:
-    """(k,) seconds from the start, without pauses."""
+    """(k,) seconds from the start to each step of the path, without stops."""
     return np.asarray(np.r_[0.0, np.cumsum(2 * STEP_M / (speeds[1:] + speeds[:-1]))])
 
 
 def _with_pauses(
     path_m: Floats, path: Floats, moving_s: Floats, stops: NDArray[np.int64], pauses: Floats
 ) -> TrueMotion:
-    """The drive that waits `pauses` seconds at the path's indices `stops`."""
+    """The motion with `pauses` (s) at the indices `stops` of the path."""
     waited = np.zeros(len(path_m))
     waited[stops] = pauses
     leaving = moving_s + waited.cumsum()

@@ -1,4 +1,4 @@
-"""A planar LiDAR: every face is drawn into the beams that it covers, the nearest face wins."""
+"""A planar LiDAR: each face is rendered into the beams that it covers, and each beam keeps the nearest."""
 
 import math
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ SIGMA_M = 0.01
 SIGMA_PER_M = 0.001
 RESOLUTION_M = 0.001
 
-SEAM = 1e-9  # beams, or shares of a face: so that no beam slips through where two faces meet
+SEAM = 1e-9  # tolerance, in beams or shares of a face, so that no beam passes between two adjacent faces
 
 
 @dataclass(frozen=True, slots=True)
 class LaserSpec:
-    """What a laser is: `beams`, the first at `angle_min`, `angle_increment` (rad) apart, a scan every `period_ns`.
+    """A laser: `beams` from `angle_min`, `angle_increment` (rad) apart, with a scan every `period_ns`.
 
-    Its mirror turns once in `turn_s`, so that is how far apart in time its beams are. Half of the beams that meet a
-    white sheet at `reach_m` come back.
+    Its mirror turns once in `turn_s`, which sets the time between beams. Half of the beams return from a white sheet
+    at the distance `reach_m`.
     """
 
     beams: int
@@ -52,7 +52,7 @@ class LaserSpec:
 
     @property
     def bearings(self) -> Floats:
-        """(beams,) rad."""
+        """(beams,) bearings of the beams, rad."""
         return np.asarray(self.angle_min + self.angle_increment * np.arange(self.beams), np.float64)
 
 
@@ -61,9 +61,9 @@ UST_20LX = LaserSpec(BEAMS, ANGLE_MIN, ANGLE_INCREMENT, 0.06, 20.0, 100_000_000,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sweeps:
-    """(n,) sweeps that begin at `time_s`, the laser at `first` (n, 3), and end `lasting_s` later, it at `last` (n, 3).
+    """Sweeps that begin at `time_s` (n,) and last `lasting_s`.
 
-    It moves evenly in between.
+    The laser moves at constant velocity from `first` (n, 3) to `last` (n, 3), T_map_laser at the first and last beam.
     """
 
     time_s: Floats
@@ -72,16 +72,16 @@ class Sweeps:
     lasting_s: float
 
 
-def at_once(poses: Floats, time_s: Floats) -> Sweeps:
-    """Sweeps that take no time, from `poses` (n, 3) at `time_s` (n,)."""
+def instant_sweeps(poses: Floats, time_s: Floats) -> Sweeps:
+    """Sweeps of no duration at the laser's `poses` (n, 3) and `time_s` (n,)."""
     return Sweeps(time_s, poses, poses, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """(n, beams) what each beam meets first: `range_m` (inf: nothing), the cosine of its `incidence`, its `material`.
+    """The nearest face on each beam, (n, beams): `range_m` (inf: none), `incidence` and `material`.
 
-    The incidence is 1 for a beam that meets the face at a right angle, and 0 for one that runs along it.
+    `incidence` is the cosine of the angle of incidence: 1 for a beam perpendicular to the face, 0 for a parallel one.
     """
 
     range_m: Floats
@@ -92,26 +92,26 @@ class Hits:
 def scans(
     surfaces: Surfaces, poses: Floats, time_s: Floats, rng: np.random.Generator, spec: LaserSpec = UST_20LX
 ) -> NDArray[np.float32]:
-    """(n, beams) ranges (m, inf for no return) that an ideal laser measures at `poses` (n, 3) and `time_s` (n,)."""
+    """(n, beams) ranges (m, inf: no return) of an ideal laser at `poses` (n, 3) and `time_s` (n,), with noise."""
     exact = ranges(surfaces, poses, time_s, spec)
     noise = rng.standard_normal(exact.shape, dtype=np.float32)
-    return reported(exact + noise * (SIGMA_M + SIGMA_PER_M * np.where(np.isfinite(exact), exact, 0.0)), spec)
+    return quantized(exact + noise * (SIGMA_M + SIGMA_PER_M * np.where(np.isfinite(exact), exact, 0.0)), spec)
 
 
-def reported(measured: Floats, spec: LaserSpec) -> NDArray[np.float32]:
-    """Ranges as the laser reports them: in whole millimetres, inf out of its range."""
+def quantized(measured: Floats, spec: LaserSpec) -> NDArray[np.float32]:
+    """Ranges rounded to millimetres; inf outside the laser's range."""
     measured = np.round(measured / RESOLUTION_M) * RESOLUTION_M
     measured[~((measured >= spec.range_min_m) & (measured <= spec.range_max_m))] = np.inf
     return measured.astype(np.float32)
 
 
 def ranges(surfaces: Surfaces, poses: Floats, time_s: Floats, spec: LaserSpec = UST_20LX) -> Floats:
-    """(n, beams) exact distances (m, inf beyond the range) to the nearest face from `poses` (n, 3) at `time_s` (n,)."""
-    return hits(surfaces, at_once(poses, time_s), spec).range_m
+    """(n, beams) exact ranges (m, inf beyond the maximum) at `poses` (n, 3) and `time_s` (n,)."""
+    return hits(surfaces, instant_sweeps(poses, time_s), spec).range_m
 
 
 def hits(surfaces: Surfaces, sweeps: Sweeps, spec: LaserSpec) -> Hits:
-    """What the beams of `sweeps` meet, each cast from where the laser is, and past what stands where, at its moment."""
+    """The nearest faces on the beams of `sweeps`, with laser and faces where they are at the time of each beam."""
     shape = (len(sweeps.time_s), spec.beams)
     range_m, incidence, face = np.full(shape, np.inf), np.ones(shape), np.full(shape, -1)
     near = surfaces.around(
@@ -166,9 +166,10 @@ def _draw_all(
 
 @njit(cache=True)
 def _aim(cos_b: Floats, sin_b: Floats, turn: float, directions: Floats) -> None:
-    """Fills `directions` with those of the beams, in the laser's frame at the first, if it turns by `turn` to the last.
+    """Fills `directions` with the unit vectors of the beams, in the laser's frame at the first beam.
 
-    A sum of angles: with no turn the directions are `cos_b`, `sin_b` to the last bit.
+    The laser turns by `turn` (rad) until the last beam. The angles are added by rotation, so that without a turn the
+    directions are exactly `cos_b`, `sin_b`.
     """
     step_c, step_s = math.cos(turn / (len(cos_b) - 1)), math.sin(turn / (len(cos_b) - 1))
     c, s = 1.0, 0.0
@@ -183,9 +184,9 @@ def _draw(
     angle_min: float, increment: float, directions: Floats,
     index: int, range_m: Floats, incidence: Floats, face: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Enters the face from (x1, y1) to (x2, y2), in the laser's frame at the first beam, where it is the nearest.
+    """Renders the face from (x1, y1) to (x2, y2), in the laser's frame at the first beam, where it is the nearest.
 
-    The laser goes by (past_x, past_y), as seen from the face, and turns by `turn` until the last beam.
+    Until the last beam, the laser moves by (past_x, past_y) relative to the face, and turns by `turn`.
     """
     dx, dy = x2 - x1, y2 - y1
     length_sq = dx * dx + dy * dy

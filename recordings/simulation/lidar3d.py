@@ -1,6 +1,6 @@
-"""A spinning LiDAR of 16 beams, after Velodyne's VLP-16, which goes on turning while the robot drives.
+"""A spinning LiDAR of 16 beams, modelled on Velodyne's VLP-16, with the motion of the robot during a turn.
 
-It sees walls, cars and people up to their height, the floor and the ceiling, and looks through glass.
+It sees walls, cars and people up to their height, floor and ceiling, but no glass.
 """
 
 import math
@@ -25,16 +25,16 @@ HEIGHT_M = 0.7  # of the sensor above the floor
 CEILING_M = 2.8
 CAR_HEIGHT_M, CAR_LENGTHS_M = 1.5, (1.0, 6.0)
 PERSON_HEIGHT_M = 1.75
-JOINT_M = 1e-6  # faces that meet are of one shape
+JOINT_M = 1e-6  # faces whose ends are so near belong to one shape
 
 
 def sweep(
     surfaces: Surfaces, heights_m: Floats, poses: Floats, start_s: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Points (n, 3) m in the sensor's frame, each as it turned to it, and their seconds (n,) since `start_s`.
+    """A turn: points (n, 3) m, each in the sensor's frame at its own time, and their seconds (n,) since `start_s`.
 
-    `poses` (COLUMNS, 3) are the sensor's at each column, the first at `start_s` into the drive. The sensor turns
-    clockwise from straight ahead. `heights_m` (m,) are those of the faces of `surfaces`.
+    `poses` (COLUMNS, 3) are the sensor's at each column, the first at `start_s` from the start of the drive. The sensor
+    turns clockwise from straight ahead. `heights_m` (m,) are the heights of the faces of `surfaces`.
     """
     level = level_distances(surfaces, heights_m, poses, start_s)
     exact = level / np.cos(ELEVATIONS)
@@ -56,16 +56,16 @@ def column_bearings() -> Floats:
 
 
 def column_times(start_s: float) -> Floats:
-    """(COLUMNS,) the moment of each column of the sweep from `start_s` on."""
+    """(COLUMNS,) the time (s) of each column of the turn that begins at `start_s`."""
     times: Floats = start_s + SWEEP_S / COLUMNS * np.arange(COLUMNS, dtype=np.float64)
     return times
 
 
 def heights(surfaces: Surfaces) -> Floats:
-    """(n,) heights (m) of the faces, told by the size of the closed shape they make.
+    """(n,) heights (m) of the faces, derived from the size of the closed shape that they belong to.
 
-    What is as long as a car is as high as one; what is smaller is a person if it comes or goes, and else a pillar.
-    Everything that is larger reaches the ceiling, as pillars do.
+    A shape of a car's length has the height of a car. A smaller one is a person if it appears or disappears, else a
+    pillar. Pillars and all larger shapes reach the ceiling.
     """
     ends = surfaces.ends
     begins = np.r_[True, (np.abs(ends[1:, :2] - ends[:-1, 2:]) > JOINT_M).any(axis=1)]
@@ -81,7 +81,7 @@ def heights(surfaces: Surfaces) -> Floats:
 
 
 def level_distances(surfaces: Surfaces, heights_m: Floats, poses: Floats, start_s: float) -> Floats:
-    """(COLUMNS, 16) exact distances along the floor (m) to what each beam meets first, from `poses` (COLUMNS, 3)."""
+    """(COLUMNS, 16) exact horizontal distances (m) to the first hit of each beam, from `poses` (COLUMNS, 3)."""
     slopes = np.tan(ELEVATIONS)
     across = np.where(slopes < 0, -HEIGHT_M, CEILING_M - HEIGHT_M) / slopes
     out: Floats = np.tile(across, (COLUMNS, 1))
@@ -101,7 +101,7 @@ def _draw_all(
     ends: Floats, velocity_xy: Floats, heights_m: Floats,
     poses: Floats, along_x: Floats, along_y: Floats, slopes: Floats, out: Floats,
 ) -> None:  # fmt: skip
-    """Lowers `out` to the faces that are nearer: `ends` (n, 4) at the first column, moving by `velocity_xy`."""
+    """Reduces `out` where a face is nearer: `ends` (n, 4) at the first column, moving by `velocity_xy`."""
     for i in range(len(ends)):
         first, count = _columns_of(ends[i], velocity_xy[i], poses)
         for step in range(count):
@@ -125,7 +125,7 @@ def _draw_all(
 
 @njit(cache=True)
 def _columns_of(face: Floats, velocity_xy: Floats, poses: Floats) -> tuple[int, int]:
-    """The first column that may meet a face, and how many may: seen from the middle of the sweep, with a margin."""
+    """The first column that may hit a face, and their number: from the middle of the turn, with a margin."""
     middle = poses[COLUMNS // 2]
     x1, y1, x2, y2 = face[0] - middle[0], face[1] - middle[1], face[2] - middle[0], face[3] - middle[1]
     dx, dy = x2 - x1, y2 - y1

@@ -30,7 +30,7 @@ RADIO = RadioPlan(inside=(-12.0, -2.0, 52.0, 42.0), inside_sites=9, margin_m=8.0
 
 
 def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
-    """The corridors' walls; the same on every drive."""
+    """The walls of the corridors, the same in every drive."""
     h = HALF_WIDTH_M
     outside = _walls(WEST_M - h, SOUTH_M - h, EAST_M + h, NORTH_M + h, DOOR_DEPTH_M)
     west_block = _walls(WEST_M + h, SOUTH_M + h, MIDDLE_M - h, NORTH_M - h, -DOOR_DEPTH_M)
@@ -39,14 +39,14 @@ def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: 
 
 
 def _walls(x_min: float, y_min: float, x_max: float, y_max: float, niche_m: float) -> Floats:
-    """(n, 4) faces of a rectangle whose door niches reach `niche_m` outwards."""
+    """(n, 4) faces of a rectangle with door niches `niche_m` deep, positive outwards."""
     corners = np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]])
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     return polygon(np.vstack([_side(start, end, niche_m) for start, end in sides]))
 
 
 def _side(start: Floats, end: Floats, niche_m: float) -> Floats:
-    """(n, 2) corners from `start` up to, without, `end`, the doors in regular order around the side's middle."""
+    """(n, 2) corners (m) from `start` to `end`, without `end`; doors are evenly spaced around the middle."""
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
     outwards = np.array([along[1], -along[0]])

@@ -1,7 +1,7 @@
-"""WiFi: access points around and in the building, heard by phones through walls that shadow them.
+"""WiFi: access points in and around the building, and the receivers on the robot.
 
-RSSI (dBm) = power at 1 m - 10 n log10(distance) - a distance + shadowing(place) + fast fading + the phone's offset.
-a (dB/m) is what the building takes (Devasirvatham et al. 1990). Shadowing is a smooth random field for each site,
+RSSI (dBm) = power at 1 m - 10 n log10(distance) - a distance + shadowing(position) + fast fading + receiver's offset,
+with the building's attenuation a in dB/m (Devasirvatham et al. 1990). Shadowing is a smooth random field for each site,
 evaluated by random Fourier features (Rahimi and Recht 2007).
 """
 
@@ -32,7 +32,7 @@ HOTSPOT_STEP_M = 12.0
 AGE_MEDIAN_S = 1.8
 AGE_LOG_SIGMA = 0.9
 AGE_MAX_S = 20.0
-PHONES_APART_DB = (2.0, 4.0)
+OFFSET_DIFFERENCE_DB = (2.0, 4.0)
 PHONES = ("phone_a", "phone_b")
 KNOT_S = 60.0
 FREQUENCIES_MHZ = (2412, 2437, 2462, 5180, 5220, 5260, 5500, 5580)
@@ -40,10 +40,10 @@ FREQUENCIES_MHZ = (2412, 2437, 2462, 5180, 5220, 5260, 5500, 5580)
 
 @dataclass(frozen=True, slots=True)
 class RadioPlan:
-    """How many sites (places with one or more access points) there are, and where.
+    """The number and places of sites; a site has one or more access points.
 
-    `inside` is the building's x_min, y_min, x_max, y_max (m); the outside sites stand up to `margin_m` around and
-    above it, the hotspots walk there and inside. Those of `corridor_xy` (m) hang from the ceiling of a corridor there.
+    `inside` is the building's x_min, y_min, x_max, y_max (m). Outside sites are up to `margin_m` around it and above
+    it; `hotspots` are carried by people who walk inside; `corridor_xy` (m) are at the ceiling of a corridor.
     """
 
     inside: tuple[float, float, float, float]
@@ -55,30 +55,30 @@ class RadioPlan:
 
     @property
     def fixed(self) -> int:
-        """How many sites do not walk."""
+        """The number of sites that do not move."""
         return self.inside_sites + self.outside_sites + len(self.corridor_xy)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sites:
-    """(s,) sites: `knots_xyz` (s, k, 3) m is where each is every `KNOT_S` seconds (always the same, unless it walks).
+    """(s,) sites: `knots_xyz` (s, k, 3) m are their positions every `KNOT_S` seconds.
 
-    `power_dbm` at 1 m, walls taken off; `exponent` n; `fall_db_per_m` a; shadowing of `shadow_db` from `waves`
-    (s, f, 2) and `phases` (s, f).
+    `power_dbm` at 1 m, less the walls' attenuation; `exponent` n; `attenuation_db_per_m` a; shadowing of `shadow_db`
+    from `waves` (s, f, 2) and `phases` (s, f).
     """
 
     knots_xyz: Floats
     power_dbm: Floats
     exponent: Floats
-    fall_db_per_m: Floats
+    attenuation_db_per_m: Floats
     shadow_db: Floats
     waves: Floats
     phases: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ether:
-    """All that can be heard: (b,) BSSIDs, each with the index of its `site`, its `fading_db`, SSID and frequency."""
+class RadioEnvironment:
+    """All access points: (b,) BSSIDs, each with the index of its `site`, `fading_db`, SSID and frequency."""
 
     sites: Sites
     site: NDArray[np.int64]
@@ -88,14 +88,14 @@ class Ether:
     fading_db: Floats
 
 
-def draw_ether(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Ether:
-    """Random sites after `plan` and the BSSIDs on them, for a drive of `duration_s`."""
+def draw_radio(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> RadioEnvironment:
+    """Random sites according to `plan`, with their BSSIDs, for a drive of `duration_s`."""
     sites = _draw_sites(plan, duration_s, rng)
     networks = np.r_[rng.integers(1, 5, plan.fixed), np.ones(plan.hotspots, int)]
     site = np.repeat(np.arange(len(networks)), networks)
     bssids = _addresses(networks, rng)
     names = np.r_[np.repeat("net", plan.fixed), np.repeat("phone", plan.hotspots)]
-    return Ether(
+    return RadioEnvironment(
         sites,
         site,
         bssids,
@@ -118,22 +118,22 @@ def _draw_sites(plan: RadioPlan, duration_s: float, rng: np.random.Generator) ->
         _knots(plan, duration_s, rng),
         rng.uniform(*POWER_DBM, count) - walls_db,
         rng.uniform(*EXPONENT, count),
-        _fall_db_per_m(plan, rng),
+        _attenuation_db_per_m(plan, rng),
         rng.uniform(*SHADOWING_DB, count),
         rng.standard_normal((count, FEATURES, 2)) / length[:, None, None],
         rng.uniform(0.0, 2 * np.pi, (count, FEATURES)),
     )
 
 
-def _fall_db_per_m(plan: RadioPlan, rng: np.random.Generator) -> Floats:
-    """(s,) dB that a metre of the way takes, beyond the spreading."""
+def _attenuation_db_per_m(plan: RadioPlan, rng: np.random.Generator) -> Floats:
+    """(s,) attenuation in dB/m, in addition to the path loss."""
     inside, hotspots = (np.full(count, HALL_DB_PER_M) for count in (plan.inside_sites, plan.hotspots))
     outside = rng.uniform(*BUILDING_DB_PER_M, plan.outside_sites)
     return np.concatenate([inside, outside, rng.uniform(*CORRIDOR_DB_PER_M, len(plan.corridor_xy)), hotspots])
 
 
 def _knots(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Floats:
-    """(s, k, 3) places: the sites inside, outside, in corridors, then the hotspots, who walk from knot to knot."""
+    """(s, k, 3) positions: sites inside, outside, in corridors, then hotspots, which walk from knot to knot."""
     count = int(duration_s // KNOT_S) + 2
     low, high = np.array(plan.inside[:2]), np.array(plan.inside[2:])
     inside = rng.uniform(low, high, (plan.inside_sites, 2))
@@ -148,7 +148,7 @@ def _knots(plan: RadioPlan, duration_s: float, rng: np.random.Generator) -> Floa
 
 
 def _addresses(networks: NDArray[np.int64], rng: np.random.Generator) -> tuple[str, ...]:
-    """One BSSID a network; those of a site differ in the last octet and, for about half, in the local bit."""
+    """A BSSID for each network. Those of a site differ in the last octet and, for about half, in the local bit."""
     addresses = []
     for index, count in enumerate(networks):
         vendor = rng.integers(0, 256, 3) & [0xFC, 0xFF, 0xFF]
@@ -160,71 +160,71 @@ def _addresses(networks: NDArray[np.int64], rng: np.random.Generator) -> tuple[s
 
 
 @dataclass(frozen=True, slots=True)
-class Phone:
-    """A receiver: its name, how many dB it reads too high."""
+class Receiver:
+    """A WiFi receiver: its name, and the offset (dB) of its readings."""
 
     name: str
     offset_db: float
 
 
-def draw_phones(rng: np.random.Generator) -> tuple[Phone, ...]:
-    """The phones on the robot: one reads too high, the other as much too low."""
-    apart_db = rng.choice([-1.0, 1.0]) * rng.uniform(*PHONES_APART_DB)
+def draw_receivers(rng: np.random.Generator) -> tuple[Receiver, ...]:
+    """The receivers on the robot, two phones with opposite offsets."""
+    apart_db = rng.choice([-1.0, 1.0]) * rng.uniform(*OFFSET_DIFFERENCE_DB)
     offsets = np.array([-0.5, 0.5]) * apart_db
-    return tuple(Phone(name, float(offset)) for name, offset in zip(PHONES, offsets, strict=True))
+    return tuple(Receiver(name, float(offset)) for name, offset in zip(PHONES, offsets, strict=True))
 
 
-def hear(
-    ether: Ether,
-    phone: Phone,
+def wifi_scan(
+    environment: RadioEnvironment,
+    receiver: Receiver,
     stamp_ns: int,
     time_s: float,
     poses: Callable[[Floats], Floats],
     rng: np.random.Generator,
 ) -> WifiScan:
-    """The scan that `phone` ends at `stamp_ns`, `time_s` into the drive.
+    """The scan that `receiver` completes at `stamp_ns`, `time_s` from the start of the drive.
 
-    `poses` gives the true poses (m, 3) at times (m,) s into the drive.
+    `poses` gives the true poses (m, 3) at times (m,) s from the start.
     """
-    count = len(ether.bssids)
+    count = len(environment.bssids)
     age_s = np.minimum(AGE_MEDIAN_S * np.exp(AGE_LOG_SIGMA * rng.standard_normal(count)), AGE_MAX_S)
     age_s = np.asarray(np.round(np.minimum(age_s, time_s), 3), np.float64)
-    lucky = rng.random(count) < HEARD_FRACTION
-    fading = rng.standard_normal(count) * ether.fading_db
+    detected = rng.random(count) < HEARD_FRACTION
+    fading = rng.standard_normal(count) * environment.fading_db
     measured_s = time_s - age_s
     xy = poses(measured_s)[:, :2]
-    rssi = _mean_rssi(ether, xy, measured_s) + fading + phone.offset_db
-    rssi = np.round(rssi + shadowing(ether, xy, rssi))
-    heard = np.flatnonzero(lucky & (rssi >= DETECTION_LIMIT_DBM))
+    rssi = _mean_rssi(environment, xy, measured_s) + fading + receiver.offset_db
+    rssi = np.round(rssi + shadowing(environment, xy, rssi))
+    heard = np.flatnonzero(detected & (rssi >= DETECTION_LIMIT_DBM))
     return WifiScan(
         stamp_ns,
-        phone.name,
-        tuple(ether.bssids[i] for i in heard),
+        receiver.name,
+        tuple(environment.bssids[i] for i in heard),
         rssi[heard].astype(np.float32),
         age_s[heard].astype(np.float32),
-        tuple(ether.ssids[i] for i in heard),
-        tuple(ether.frequency_mhz[i] for i in heard),
+        tuple(environment.ssids[i] for i in heard),
+        tuple(environment.frequency_mhz[i] for i in heard),
     )
 
 
-def _mean_rssi(ether: Ether, xy: Floats, time_s: Floats) -> Floats:
-    """(b,) dBm of each BSSID at `xy` (b, 2) and `time_s` (b,), without shadowing and fading."""
-    sites, knots = ether.sites, ether.sites.knots_xyz
+def _mean_rssi(environment: RadioEnvironment, xy: Floats, time_s: Floats) -> Floats:
+    """(b,) RSSI (dBm) of each BSSID at `xy` (b, 2) and `time_s` (b,), without shadowing and fading."""
+    sites, knots = environment.sites, environment.sites.knots_xyz
     knot, fraction = np.divmod(time_s / KNOT_S, 1.0)
-    before, after = (knots[ether.site, np.minimum(knot.astype(int) + k, knots.shape[1] - 1)] for k in range(2))
+    before, after = (knots[environment.site, np.minimum(knot.astype(int) + k, knots.shape[1] - 1)] for k in range(2))
     place = before + fraction[:, None] * (after - before)
     distance = np.hypot(np.hypot(*(place[:, :2] - xy).T), place[:, 2])
-    fall = 10 * sites.exponent[ether.site] * np.log10(np.maximum(distance, 1.0))
-    fall += sites.fall_db_per_m[ether.site] * distance
-    mean: Floats = sites.power_dbm[ether.site] - fall
+    loss = 10 * sites.exponent[environment.site] * np.log10(np.maximum(distance, 1.0))
+    loss += sites.attenuation_db_per_m[environment.site] * distance
+    mean: Floats = sites.power_dbm[environment.site] - loss
     return mean
 
 
-def shadowing(ether: Ether, xy: Floats, rssi: Floats) -> Floats:
-    """(b,) dB to add to `rssi` at `xy` (b, 2); 0 where no shadowing could bring it over the detection limit."""
+def shadowing(environment: RadioEnvironment, xy: Floats, rssi: Floats) -> Floats:
+    """(b,) shadowing (dB) of each BSSID at `xy` (b, 2); 0 if `rssi` is too low to be detected with any shadowing."""
     near = np.flatnonzero(rssi > DETECTION_LIMIT_DBM - 3 * SHADOWING_DB[1])
-    site = ether.site[near]
-    angles = np.einsum("bfk,bk->bf", ether.sites.waves[site], xy[near]) + ether.sites.phases[site]
+    site = environment.site[near]
+    angles = np.einsum("bfk,bk->bf", environment.sites.waves[site], xy[near]) + environment.sites.phases[site]
     shadow = np.zeros(len(rssi))
-    shadow[near] = ether.sites.shadow_db[site] * np.sqrt(2.0 / FEATURES) * np.cos(angles).sum(axis=1)
+    shadow[near] = environment.sites.shadow_db[site] * np.sqrt(2.0 / FEATURES) * np.cos(angles).sum(axis=1)
     return shadow

@@ -1,4 +1,4 @@
-"""Simulated recordings: what the sensors of a simulated run say, as MCAP, beside the truth."""
+"""Writes the measurements of a simulated run as MCAP, and the true trajectory."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.files.tum import write_tum
-from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
@@ -32,12 +32,12 @@ _SENSOR_OF: dict[type[Measurement], Sensor] = {
 
 
 def _ignore(fraction: float) -> None:
-    """The progress that nobody asked for."""
+    """Progress that is not shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedRecording:
-    """Where a simulated recording is, and how much was driven and heard."""
+    """The files of a simulated recording, its length, and the number of messages."""
 
     recording: Path
     truth: Path
@@ -55,11 +55,12 @@ def simulate(
     rough: bool = True,
     points: bool = False,
 ) -> SimulatedRecording:
-    """Writes recording.mcap and truth.tum, of base_link at each odometry stamp, into `out_dir`; made if need be.
+    """Writes recording.mcap, and truth.tum with base_link at each odometry stamp, into the folder `out_dir`.
 
-    The drive through `world` is cut after `minutes` (None: full length); Run says what is `rough` about it. With
-    `points` the robot has a 3D LiDAR in place of the planar one. The same arguments give the same bytes. `progress` is
-    called with the fraction done, 0 to 1, once a simulated second.
+    The drive through `world` is cut after `minutes` (None: full length); `rough` is described at Run. With `points`,
+    the robot has a 3D LiDAR instead of the planar one. The same arguments give the same bytes. `progress` is called
+    with the fraction done, 0 to 1, every simulated second. Raises OSError or RecordingError if `out_dir` cannot be
+    written.
     """
     run = start(world, seed, minutes, rough)
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -70,7 +71,7 @@ def simulate(
 
 
 def _write(run: Run, received: Iterator[Measurement], path: Path, progress: Callable[[float], None]) -> int:
-    """Writes every measurement `received` in `run` to `path` and counts them."""
+    """Writes the measurements `received` in `run` to `path`; returns their number."""
     count, next_report_ns = 0, EPOCH_NS
     with McapWriter(path) as writer:
         for measurement in received:

@@ -1,7 +1,7 @@
-"""Walls as they are: bumpy, here and there of glass or painted black. All of it depends on the place alone.
+"""Rough walls: bumpy, partly of glass or painted black.
 
-Smooth random fields of the place, by random Fourier features (Rahimi and Recht 2007), move every corner of what stands
-still and say what it is made of: so the next visit sees the same.
+Smooth random fields of the position, by random Fourier features (Rahimi and Recht 2007), displace the corners of static
+faces and choose their material, so that every visit sees the same.
 """
 
 import math
@@ -25,7 +25,7 @@ FEATURES = 48
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """A smooth function of the place: the sum of waves `amplitude` (f,) sqrt(2) cos(`wave` (f, 2) . xy + `phase`)."""
+    """A smooth function of the position xy: the sum of `amplitude` (f,) sqrt(2) cos(`wave` (f, 2) . xy + `phase`)."""
 
     amplitude: Floats
     wave: Floats
@@ -38,7 +38,7 @@ class Field:
 
 
 def draw_field(rms: float, lengths_m: tuple[float, float], rng: np.random.Generator) -> Field:
-    """A field of that size whose waves have `lengths_m` from, to; long ones are higher: as the root of their length."""
+    """A random field with `rms` and wavelengths in `lengths_m`; amplitudes grow with the root of the wavelength."""
     length = np.exp(rng.uniform(math.log(lengths_m[0]), math.log(lengths_m[1]), FEATURES))
     direction = rng.uniform(-np.pi, np.pi, FEATURES)
     wave = np.stack([np.cos(direction), np.sin(direction)], axis=1) * (2 * np.pi / length)[:, None]
@@ -47,7 +47,7 @@ def draw_field(rms: float, lengths_m: tuple[float, float], rng: np.random.Genera
 
 
 def roughened(surfaces: Surfaces, rng: np.random.Generator) -> Surfaces:
-    """`surfaces` with bumps, glass and black paint on what does not move."""
+    """`surfaces` with bumps, glass and black paint on the faces that do not move."""
     bumps = [draw_field(BUMP_RMS_M, BUMP_LENGTHS_M, rng) for _ in range(2)]
     patches = draw_field(1.0, PATCH_LENGTHS_M, rng)
     pieces = _cut(surfaces)
@@ -65,7 +65,7 @@ def _material(patch: Floats) -> NDArray[np.int64]:
 
 
 def _cut(surfaces: Surfaces) -> Surfaces:
-    """The same faces in pieces of at most `PIECE_M`; those that move whole."""
+    """The faces cut into pieces of at most `PIECE_M`; moving faces are not cut."""
     along = surfaces.ends[:, 2:] - surfaces.ends[:, :2]
     pieces = np.where(surfaces.moves, 1, np.ceil(np.hypot(*along.T) / PIECE_M - 1e-9).astype(np.int64)).clip(1)
     face = np.repeat(np.arange(len(pieces)), pieces)

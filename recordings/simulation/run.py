@@ -1,6 +1,6 @@
-"""One simulated run: a world, a drive through it, and everything the sensors say, in order of time.
+"""A simulated run: a world, a drive through it, and the measurements of all sensors, sorted by time.
 
-Every part draws from a random stream of its own, so that a change to one sensor leaves the others as they were.
+Every part has a random stream of its own, so that a change to one sensor does not affect the others.
 """
 
 import heapq
@@ -42,10 +42,10 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What happens in the first `length_ns` of a drive; `truth` has base_link's pose at each odometry stamp.
+    """The first `length_ns` of a drive; `truth` has the pose of base_link at each odometry stamp.
 
-    In a `rough` run a sweep takes its time, walls are bumpy, some of glass or black, people walk about, beams fail or
-    mix, and wheels slip; in an ideal one a sweep takes no time, and there is noise alone.
+    In a `rough` run, scans are distorted by motion, walls are bumpy, some are glass or black, people walk by, beams get
+    lost or mixed, and wheels slip. In an ideal run there is only noise, and scans take no time.
     """
 
     seed: int
@@ -55,46 +55,46 @@ class Run:
     surfaces: Surfaces
     laser: laser.LaserSpec
     wheels: wheels.WheelErrors
-    ether: radio.Ether
-    phones: tuple[radio.Phone, ...]
+    environment: radio.RadioEnvironment
+    receivers: tuple[radio.Receiver, ...]
     truth: Trajectory
 
 
 def start(world: World, seed: int, minutes: float | None = None, rough: bool = True) -> Run:
-    """The run through `world` that `seed` gives, cut after `minutes` (None: all of it), rough or ideal."""
+    """The run through `world` with `seed`, cut after `minutes` (None: full length), rough or ideal."""
     blueprint = BLUEPRINTS[world]
-    way = drive(blueprint.route, stream(seed, "drive"))
-    length_ns = int(min(way.duration_s, np.inf if minutes is None else minutes * 60) * 1e9)
+    motion = drive(blueprint.route, stream(seed, "drive"))
+    length_ns = int(min(motion.duration_s, np.inf if minutes is None else minutes * 60) * 1e9)
     stamps = EPOCH_NS + np.arange(0, length_ns + 1, ODOM_PERIOD_NS)
     return Run(
         seed,
         rough,
         length_ns,
-        way,
-        _surfaces(blueprint, way, seed, rough),
+        motion,
+        _surfaces(blueprint, motion, seed, rough),
         blueprint.laser,
         wheels.draw_wheels(stream(seed, "wheels")),
-        radio.draw_ether(blueprint.radio, way.duration_s, stream(seed, "ether")),
-        radio.draw_phones(stream(seed, "phones")),
-        Trajectory(stamps, way.poses(_seconds(stamps))),
+        radio.draw_radio(blueprint.radio, motion.duration_s, stream(seed, "ether")),
+        radio.draw_receivers(stream(seed, "phones")),
+        Trajectory(stamps, motion.poses(_seconds(stamps))),
     )
 
 
-def _surfaces(blueprint: Blueprint, way: TrueMotion, seed: int, rough: bool) -> Surfaces:
-    ideal = blueprint.surfaces(way, stream(seed, "surfaces"))
+def _surfaces(blueprint: Blueprint, motion: TrueMotion, seed: int, rough: bool) -> Surfaces:
+    ideal = blueprint.surfaces(motion, stream(seed, "surfaces"))
     if not rough:
         return ideal
-    walking = people(way, blueprint.aisle_m, stream(seed, "people"))
+    walking = people(motion, blueprint.aisle_m, stream(seed, "people"))
     return join([roughened(ideal, stream(seed, "roughness")), walking])
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """The random numbers of the part `name`; other names' numbers are independent of them."""
+    """The random generator of the part `name`, independent of those of other names."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),)))
 
 
 def measurements(run: Run) -> Iterator[Measurement]:
-    """Everything the robot receives in `run`, by stamp."""
+    """All measurements in `run`, sorted by stamp."""
     sensors: list[Iterator[Measurement]] = [
         mount("laser", T_BASE_LASER, LASER_HEIGHT_M),
         odometry(run),
@@ -105,14 +105,14 @@ def measurements(run: Run) -> Iterator[Measurement]:
 
 
 def mount(frame: str, T_base_sensor: Pose2, height_m: float) -> Iterator[Measurement]:
-    """Where a sensor is mounted, upright and `height_m` above the floor, as /tf_static tells it once."""
+    """The static transform of a sensor, upright and `height_m` above the floor; one measurement, at the start."""
     T = T_base_sensor
     turn = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
     yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", frame, (T.x, T.y, height_m), turn),))
 
 
 def odometry(run: Run) -> Iterator[Odometry]:
-    """What the wheels say."""
+    """The wheel odometry."""
     truth = run.truth.poses
     slips = wheels.draw_slips(truth, stream(run.seed, "slips")) if run.rough else wheels.no_slips(len(truth) - 1)
     poses = wheels.odometry(truth, ODOM_PERIOD_NS / 1e9, run.wheels, slips, stream(run.seed, "odometry"))
@@ -121,7 +121,7 @@ def odometry(run: Run) -> Iterator[Odometry]:
 
 
 def scans(run: Run) -> Iterator[LaserScan]:
-    """What the laser sees."""
+    """The scans of the planar laser."""
     spec = run.laser
     time_increment_s = spec.time_increment_s if run.rough else 0.0
     stamps = EPOCH_NS + np.arange(SCAN_DELAY_NS, run.length_ns + 1, spec.period_ns)
@@ -134,7 +134,7 @@ def scans(run: Run) -> Iterator[LaserScan]:
 
 def _swept(run: Run, batches: Iterable[Stamps]) -> Iterator[tuple[Stamps, NDArray[np.float32]]]:
     """The stamps and the ranges (n, beams) of each batch of sweeps."""
-    noise, luck = stream(run.seed, "laser"), stream(run.seed, "returns")
+    noise, uniform = stream(run.seed, "laser"), stream(run.seed, "returns")
     for batch in batches:
         time_s = _seconds(batch)
         if not run.rough:
@@ -143,8 +143,8 @@ def _swept(run: Run, batches: Iterable[Stamps]) -> Iterator[tuple[Stamps, NDArra
         sweep_s, shape = run.laser.sweep_s, (len(batch), run.laser.beams)
         sweeps = laser.Sweeps(time_s, _laser_poses(run, time_s), _laser_poses(run, time_s + sweep_s), sweep_s)
         normal = noise.standard_normal(shape, dtype=np.float32)
-        uniform = luck.random((shape[0], returns.LUCK, shape[1]), dtype=np.float32)
-        yield batch, returns.scans(run.surfaces, sweeps, run.laser, normal, uniform)
+        draws = uniform.random((shape[0], returns.DRAWS, shape[1]), dtype=np.float32)
+        yield batch, returns.scans(run.surfaces, sweeps, run.laser, normal, draws)
 
 
 def _laser_poses(run: Run, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,15 +152,15 @@ def _laser_poses(run: Run, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def wifi_scans(run: Run) -> Iterator[WifiScan]:
-    """What the phones hear, in turn."""
-    phones = zip(run.phones, WIFI_DELAYS_NS, strict=True)
-    return heapq.merge(*(_heard(run, phone, delay_ns) for phone, delay_ns in phones), key=_stamp_ns)
+    """The WiFi scans of all receivers, sorted by stamp."""
+    receivers = zip(run.receivers, WIFI_DELAYS_NS, strict=True)
+    return heapq.merge(*(_received(run, receiver, delay_ns) for receiver, delay_ns in receivers), key=_stamp_ns)
 
 
-def _heard(run: Run, phone: radio.Phone, delay_ns: int) -> Iterator[WifiScan]:
-    rng = stream(run.seed, phone.name)
+def _received(run: Run, receiver: radio.Receiver, delay_ns: int) -> Iterator[WifiScan]:
+    rng = stream(run.seed, receiver.name)
     for stamp_ns in range(EPOCH_NS + delay_ns, EPOCH_NS + run.length_ns + 1, WIFI_PERIOD_NS):
-        yield radio.hear(run.ether, phone, stamp_ns, (stamp_ns - EPOCH_NS) / 1e9, run.drive.poses, rng)
+        yield radio.wifi_scan(run.environment, receiver, stamp_ns, (stamp_ns - EPOCH_NS) / 1e9, run.drive.poses, rng)
 
 
 def _stamp_ns(measurement: Measurement) -> int:
@@ -168,5 +168,5 @@ def _stamp_ns(measurement: Measurement) -> int:
 
 
 def _seconds(stamps_ns: Stamps) -> NDArray[np.float64]:
-    """Seconds into the drive."""
+    """Seconds from the start of the drive."""
     return np.asarray((stamps_ns - EPOCH_NS) / 1e9)

@@ -1,4 +1,4 @@
-"""A simulated run of a robot with a 3D LiDAR in place of the planar one."""
+"""A simulated run of a robot with a 3D LiDAR instead of the planar one."""
 
 import heapq
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ T_BASE_LIDAR = Pose2(0.1, 0.0, 0.0)
 
 
 def spatial_measurements(run: Run) -> Iterator[Measurement]:
-    """Everything the robot receives in `run`, by stamp, point clouds in place of laser scans."""
+    """All measurements in `run`, sorted by stamp, with point clouds instead of laser scans."""
     sensors: list[Iterator[Measurement]] = [
         mount(FRAME, T_BASE_LIDAR, lidar3d.HEIGHT_M),
         odometry(run),
@@ -25,7 +25,7 @@ def spatial_measurements(run: Run) -> Iterator[Measurement]:
 
 
 def clouds(run: Run) -> Iterator[PointCloud]:
-    """What the LiDAR sees: one cloud a turn, stamped with the turn's first column."""
+    """The point clouds of the LiDAR, one for each turn, with the stamp of its first column."""
     rng = stream(run.seed, "lidar3d")
     heights_m = lidar3d.heights(run.surfaces)
     for since_ns in range(DELAY_NS, run.length_ns + 1 - PERIOD_NS, PERIOD_NS):

@@ -1,4 +1,4 @@
-"""What stops a laser beam: straight faces that stand still, come and go, or move."""
+"""Straight faces that a laser beam hits: static, temporary or moving ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 class Material(IntEnum):
-    """What a face is made of: plaster and the like, black paint, or glass."""
+    """The material of a face: plaster and the like, black paint, or glass."""
 
     PLAIN = 0
     BLACK = 1
@@ -22,10 +22,9 @@ class Material(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:
-    """Faces `ends` (n, 4) x1, y1, x2, y2 (m), there while `since_s` <= t < `until_s` (n,), t from the drive's start.
+    """Faces `ends` (n, 4) x1, y1, x2, y2 (m), which exist while `since_s` <= t < `until_s` (n,), t from the start.
 
-    A face moves by `velocity_xy` (n, 2) m/s; `ends` are where it is at `since_s` (a still face may have any).
-    `material` (n,) holds values of Material.
+    A face moves by `velocity_xy` (n, 2) m/s from its `ends` at `since_s`. `material` (n,) holds values of Material.
     """
 
     ends: Floats
@@ -33,13 +32,6 @@ class Surfaces:
     until_s: Floats
     velocity_xy: Floats
     material: NDArray[np.int8]
-
-    def at(self, time_s: float) -> Floats:
-        """(m, 4) ends of the faces that are there at `time_s`."""
-        there = (self.since_s <= time_s) & (time_s < self.until_s)
-        elapsed = np.where(np.isfinite(self.since_s), time_s - self.since_s, 0.0)
-        shift: Floats = self.velocity_xy * elapsed[:, None]
-        return (self.ends + np.hstack([shift, shift]))[there]
 
     @property
     def moves(self) -> NDArray[np.bool_]:
@@ -57,21 +49,21 @@ class Surfaces:
         )
 
     def around(self, xy: Floats, reach_m: float, since_s: float, until_s: float) -> "Surfaces":
-        """The faces that may be within `reach_m` of one of `xy` (k, 2) at some time in [`since_s`, `until_s`]."""
-        there = (self.since_s <= until_s) & (self.until_s > since_s)
+        """The faces that may be within `reach_m` of one of `xy` (k, 2) at any time in [`since_s`, `until_s`]."""
+        exists = (self.since_s <= until_s) & (self.until_s > since_s)
         low, high = xy.min(axis=0) - reach_m, xy.max(axis=0) + reach_m
         x, y = self.ends[:, [0, 2]], self.ends[:, [1, 3]]
         near = (x.min(axis=1) < high[0]) & (x.max(axis=1) > low[0]) & (y.min(axis=1) < high[1])
-        return self.where(there & ((near & (y.max(axis=1) > low[1])) | self.moves))
+        return self.where(exists & ((near & (y.max(axis=1) > low[1])) | self.moves))
 
 
 def still(ends: Floats, since_s: float = -np.inf, until_s: float = np.inf) -> Surfaces:
-    """Plain faces `ends` (n, 4) that do not move, there in [`since_s`, `until_s`)."""
+    """Plain static faces `ends` (n, 4), which exist in [`since_s`, `until_s`)."""
     return moving(ends, since_s, until_s, (0.0, 0.0))
 
 
 def moving(ends: Floats, since_s: float, until_s: float, velocity_xy: tuple[float, float]) -> Surfaces:
-    """Plain faces `ends` (n, 4) at `since_s`, all moving by `velocity_xy` (m/s) until they are gone at `until_s`."""
+    """Plain faces `ends` (n, 4) at `since_s`, which move by `velocity_xy` (m/s) until `until_s`."""
     n = len(ends)
     velocities = np.tile(np.array(velocity_xy), (n, 1))
     return Surfaces(ends, np.full(n, since_s), np.full(n, until_s), velocities, np.zeros(n, np.int8))
@@ -94,15 +86,15 @@ def polyline(points: Floats) -> Floats:
 
 
 def polygon(points: Floats) -> Floats:
-    """(n, 4) faces around the closed shape with corners `points` (n, 2)."""
+    """(n, 4) faces of the polygon with corners `points` (n, 2)."""
     return polyline(np.vstack([points, points[:1]]))
 
 
 def box(x_min: float, y_min: float, x_max: float, y_max: float) -> Floats:
-    """(4, 4) faces of an upright rectangle (m)."""
+    """(4, 4) faces of an axis-aligned rectangle (m)."""
     return polygon(np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]]))
 
 
-def placed(ends: Floats, T_map_shape: Pose2) -> Floats:
-    """`ends` (n, 4) of a shape's own frame, at its place."""
+def transformed(ends: Floats, T_map_shape: Pose2) -> Floats:
+    """`ends` (n, 4), transformed from the frame of a shape to `map`."""
     return np.hstack([T_map_shape.transform(ends[:, :2]), T_map_shape.transform(ends[:, 2:])])

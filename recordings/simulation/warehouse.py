@@ -1,4 +1,4 @@
-"""A warehouse: twelve identical aisles of 40 m, 3 m apart, between racks with the same uprights and pallets."""
+"""A warehouse: twelve identical aisles of 40 m, 3 m apart, between racks with uprights and pallets."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ EMPTY_PLACES = 0.08
 
 
 def _aisle_x(aisle: int) -> float:
-    """The middle (m) of an aisle, counted from 1."""
+    """The x (m) of the middle of an aisle, counted from 1."""
     return SPACING_M * aisle
 
 
@@ -47,7 +47,7 @@ def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: 
 
 
 def _rack(x: float, rng: np.random.Generator) -> Floats:
-    """(n, 4) faces of the rack centred at `x`: uprights on both faces, two pallets a bay; a few places are empty."""
+    """(n, 4) faces of the rack centred at `x`: uprights on both sides, two pallets in each bay, some missing."""
     half, u = RACK_DEPTH_M / 2, UPRIGHT_M
     posts = [
         box(x + side * half - u / 2, y - u / 2, x + side * half + u / 2, y + u / 2)

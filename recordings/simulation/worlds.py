@@ -14,7 +14,7 @@ from wayfi.recordings.simulation.surfaces import Surfaces
 
 
 class World(StrEnum):
-    """A world by name."""
+    """The name of a world."""
 
     CARPARK = "carpark"
     OFFICE = "office"
@@ -24,9 +24,9 @@ class World(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Blueprint:
-    """What makes a world: where the robot drives, what its laser is and sees, what its phones hear.
+    """A world: the route, the surfaces, the laser and the access points.
 
-    People walk up to `aisle_m` beside the robot's path.
+    People walk up to `aisle_m` to each side of the robot's path.
     """
 
     route: RoutePlan

@@ -9,7 +9,8 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
-from wayfi.recordings.mcap.recording import BLACKBOX_PROFILE, McapWriter
+from wayfi.recordings.mcap.recording import BLACKBOX_PROFILE
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.disk import MIB

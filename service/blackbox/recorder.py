@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from wayfi.recordings.mcap.recording import RecordingError
+from wayfi.recordings.mcap.blocks import RecordingError
 from wayfi.service.blackbox.blackbox import BlackBox
 from wayfi.service.blackbox.disk import free_mb, keep_budget
 from wayfi.service.config import RecordingConfig

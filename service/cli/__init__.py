@@ -1,1 +1,1 @@
-"""The command line: one function a command, and what it says."""
+"""The command line: one function a command, and the summaries that they print."""

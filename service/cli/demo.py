@@ -1,10 +1,10 @@
-"""`wayfi demo`: the whole way once, from a simulated car park to a scored map."""
+"""`wayfi demo`: simulates a car park, replays and scores the drive."""
 
 from pathlib import Path
 
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World
-from wayfi.service.cli.summaries import say_evaluation
+from wayfi.service.cli.summaries import print_evaluation
 from wayfi.service.config import Config
 from wayfi.service.evaluation.evaluate import evaluate, write_evaluation
 from wayfi.service.evaluation.plots import write_plots
@@ -13,7 +13,7 @@ from wayfi.service.replay.replay import ReplayOptions, replay
 
 
 def run_demo(out: Path, minutes: float, output: Output) -> None:
-    """Simulate `minutes` of the car park into `out`, replay it into `out`/replay, score it."""
+    """Simulates `minutes` of the car park into `out`, replays them into `out`/replay, and prints the scores."""
     with output.progress("simulate the car park") as progress:
         made = simulate(World.CARPARK, out, 0, minutes, progress)
     results = out / "replay"
@@ -23,6 +23,6 @@ def run_demo(out: Path, minutes: float, output: Output) -> None:
     write_evaluation(results, evaluation)
     write_plots(results, evaluation)
     output.say(f"A robot drove {made.path_length_m:.0f} m through a car park in {made.duration_s / 60:.0f} minutes.")
-    say_evaluation(output, results, evaluation)
+    print_evaluation(output, results, evaluation)
     output.say(f"The map:    {results / 'map.png'}")
     output.say(f"The drive:  wayfi view {results}")

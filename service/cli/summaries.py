@@ -1,4 +1,4 @@
-"""What a command says of its result, to a person and as JSON."""
+"""The summaries of results that commands print, as text and as JSON."""
 
 import math
 from pathlib import Path
@@ -9,8 +9,8 @@ from wayfi.service.evaluation.evaluate import Evaluation
 from wayfi.service.process.console import Output
 
 
-def say_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
-    """The report of a replay."""
+def print_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
+    """Prints the report of a replay."""
     speed = report["recording_s"] / max(report["wall_s"], 1e-9)
     seconds, wall = report["recording_s"], report["wall_s"]
     output.say(f"{seconds:.0f} s replayed in {wall:.1f} s ({speed:.0f} times real time): {out}")
@@ -22,8 +22,8 @@ def say_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
     output.result(report)
 
 
-def say_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> None:
-    """The scores of a replay."""
+def print_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> None:
+    """Prints the scores of a replay."""
     figures = evaluation.to_dict()
     rows = [
         [name, *(f"{figures[name][key]:.3f}" for key in ("ate_rmse_m", "ate_median_m", "ate_max_m"))]
@@ -31,7 +31,7 @@ def say_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> N
     ]
     output.table("absolute trajectory error, m", ["", "RMSE", "median", "max"], rows)
     closures = [
-        [kind, str(score["accepted"]), _figure(score["precision"]), _figure(score["nees"])]
+        [kind, str(score["accepted"]), _figure_text(score["precision"]), _figure_text(score["nees"])]
         for kind, score in figures["closures"].items()
     ]
     output.table("loop closures", ["", "accepted", "precision", "NEES"], closures)
@@ -39,8 +39,8 @@ def say_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> N
     output.result(figures)
 
 
-def say_inspection(output: Output, inspection: Inspection) -> None:
-    """What a recording holds."""
+def print_inspection(output: Output, inspection: Inspection) -> None:
+    """Prints the contents of a recording."""
     output.say(f"{inspection.path}: {inspection.duration_s:.1f} s, {inspection.message_count} messages")
     rows = [
         [
@@ -60,5 +60,5 @@ def say_inspection(output: Output, inspection: Inspection) -> None:
     output.result(inspection.to_dict())
 
 
-def _figure(value: float | None) -> str:
+def _figure_text(value: float | None) -> str:
     return "-" if value is None or math.isnan(value) else f"{value:.3f}"

@@ -15,7 +15,7 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
-from wayfi.recordings.files.map_files import write_drawn
+from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
 from wayfi.service.daemon.estimator_messages import Compiling, Finish, News, Ready, Save, Saved, Start, Written
@@ -107,7 +107,7 @@ class Estimator:
     def _keep_map(self, drawn: GridRedrawn) -> None:
         """A run that is cut off leaves its last map; a disk that takes none has been complained of by the recorder."""
         with suppress(OSError):
-            write_drawn(self._folder, drawn, self._config.map)
+            write_grid(self._folder, drawn, self._config.map)
 
     def _show(self, events: list[Event]) -> None:
         self._live.drive.show(events)

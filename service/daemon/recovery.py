@@ -7,8 +7,9 @@ from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.mcap.blocks import Record, RecordingError
 from wayfi.recordings.mcap.parts import BLACKBOX, begins_at_first, parts_of
-from wayfi.recordings.mcap.recording import Record, RecordingError, open_recording
+from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config

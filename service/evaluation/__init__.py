@@ -1,1 +1,1 @@
-"""A replay against a reference: trajectory errors, closures, covariances, plots."""
+"""Scores of a replay against a reference: trajectory errors, closures, covariances; and plots."""

@@ -1,4 +1,4 @@
-"""Closures against a reference: how many accepted ones are right, how honest they are, what they answer."""
+"""Scores of closures against a reference: precision, covariance consistency (NEES) and recall of revisits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ from wayfi.recordings.files.tables import ClosureRow
 from wayfi.recordings.trajectory import Flags, Trajectory
 from wayfi.service.evaluation.trajectory_scores import ScoringError
 
-RIGHT_WITHIN = {ClosureKind.WIFI: (3.0, 0.3), ClosureKind.LIDAR: (0.3, 0.05)}  # m, rad
+CORRECT_WITHIN = {ClosureKind.WIFI: (3.0, 0.3), ClosureKind.LIDAR: (0.3, 0.05)}  # m, rad
 REFERENCE_WITHIN_S = 1.0
-LEAST_FOR_NEES = 20
-REVISIT_PATH_M, REVISIT_WITHIN_M, ANSWERS_WITHIN_M = 50.0, 3.0, 5.0
+MIN_CLOSURES_FOR_NEES = 20
+REVISIT_PATH_M, REVISIT_WITHIN_M, RECALLED_WITHIN_M = 50.0, 3.0, 5.0
 _STEP_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class ClosureScore:
-    """The accepted closures of one kind; a figure without enough closures behind it is None.
+    """The accepted closures of one kind; None for a figure without enough closures.
 
-    `scored` are those with the reference at both ends, `right` the scored ones within the kind's bounds of position
-    and, where it is claimed, of heading. `nees` is the mean of e' S^-1 e / (claimed dimensions): 1 is honest, above
-    it the covariance claims too much.
+    `scored` counts those with a reference at both ends, `right` the scored ones within the bounds of their kind on
+    position and, if claimed, heading. `nees` is the mean of e' S^-1 e / (claimed dimensions); it is 1 for a consistent
+    covariance, and more for an overconfident one.
     """
 
     accepted: int
@@ -39,7 +39,7 @@ class ClosureScore:
 
 @dataclass(frozen=True, slots=True)
 class Recall:
-    """The reference's revisits, one for each metre of path, and how many of them a closure answers."""
+    """The reference's revisits, one for each metre of path, and how many are `answered` by a closure."""
 
     revisits: int
     answered: int
@@ -47,37 +47,37 @@ class Recall:
 
 
 def accepted_of(rows: Sequence[ClosureRow]) -> list[ClosureRow]:
-    """The closures that stand at the end."""
+    """The rows whose final verdict is accepted."""
     return [row for row in rows if row.verdict is Verdict.ACCEPTED]
 
 
 def score_closures(rows: Sequence[ClosureRow], truth: Trajectory) -> dict[ClosureKind, ClosureScore]:
-    """The accepted closures of every kind against `truth`."""
+    """The scores of the accepted closures of each kind against `truth`."""
     accepted = accepted_of(rows)
     return {kind: _score([row for row in accepted if row.kind is kind], truth) for kind in ClosureKind}
 
 
-def is_right(rows: Sequence[ClosureRow], truth: Trajectory) -> Flags:
-    """(n,) whether each closure is within its kind's bounds of `truth`; False where the reference is missing."""
-    right = has_reference(rows, truth)
-    known = [row for row, flag in zip(rows, right, strict=True) if flag]
-    right[right] = _within_bounds(known, _errors(known, truth))
-    return right
+def is_correct(rows: Sequence[ClosureRow], truth: Trajectory) -> Flags:
+    """(n,) whether each closure is within the bounds of its kind; False without a reference."""
+    correct = has_reference(rows, truth)
+    known = [row for row, flag in zip(rows, correct, strict=True) if flag]
+    correct[correct] = _within_bounds(known, _errors(known, truth))
+    return correct
 
 
 def has_reference(rows: Sequence[ClosureRow], truth: Trajectory) -> Flags:
-    """(n,) whether both ends of each closure are within 1 s of a stamp of `truth`."""
+    """(n,) whether both stamps of each closure are within 1 s of a stamp of `truth`."""
     stamps = _stamps(rows)
     near = [truth.nearest_s(stamps[:, end]) <= REFERENCE_WITHIN_S for end in (0, 1)]
     return near[0] & near[1]
 
 
 def score_recall(rows: Sequence[ClosureRow], truth: Trajectory) -> Recall:
-    """How many revisits the accepted closures answer.
+    """The share of revisits that accepted closures answer.
 
-    A revisit is a place on the reference (one each metre of its path) with an earlier place at least 50 m of path
-    before it and at most 3 m away. A closure answers it when its two stamps are, along the path, within 5 m of the
-    revisit and of one of those earlier places.
+    A revisit is a point of the reference (one for each metre of its path) with an earlier point at least 50 m of path
+    before it and at most 3 m away. A closure answers it if its stamps are within 5 m, along the path, of the revisit
+    and of one of those earlier points.
     """
     pairs = _revisits(truth)
     revisits = np.unique(pairs[:, 1])
@@ -100,7 +100,7 @@ def _score(rows: list[ClosureRow], truth: Trajectory) -> ClosureScore:
         precision=right / len(scored),
         position_median_m=float(np.median(np.hypot(*errors[:, :2].T))),
         heading_median_rad=float(np.median(headings)) if headings.size else None,
-        nees=_nees(scored, errors) if len(scored) >= LEAST_FOR_NEES else None,
+        nees=_nees(scored, errors) if len(scored) >= MIN_CLOSURES_FOR_NEES else None,
     )
 
 
@@ -109,7 +109,7 @@ def _stamps(rows: Sequence[ClosureRow]) -> np.ndarray[tuple[int, int], np.dtype[
 
 
 def _errors(rows: Sequence[ClosureRow], truth: Trajectory) -> Floats:
-    """(n, 3) errors in (x, y, theta) of a; theta is NaN where no heading is claimed."""
+    """(n, 3) errors in (x, y, theta) of a, m and rad; theta is NaN if no heading is claimed."""
     stamps = _stamps(rows)
     true = between_all(truth.at(stamps[:, 0]), truth.at(stamps[:, 1]))
     errors = np.array([row.T_a_b.array() for row in rows]).reshape(-1, 3) - true
@@ -119,7 +119,7 @@ def _errors(rows: Sequence[ClosureRow], truth: Trajectory) -> Floats:
 
 
 def _within_bounds(rows: Sequence[ClosureRow], errors: Floats) -> Flags:
-    bound_m, bound_rad = np.array([RIGHT_WITHIN[row.kind] for row in rows]).reshape(-1, 2).T
+    bound_m, bound_rad = np.array([CORRECT_WITHIN[row.kind] for row in rows]).reshape(-1, 2).T
     x, y, theta = errors.T
     right: Flags = (np.hypot(x, y) <= bound_m) & (np.isnan(theta) | (np.abs(theta) <= bound_rad))
     return right
@@ -127,10 +127,10 @@ def _within_bounds(rows: Sequence[ClosureRow], errors: Floats) -> Flags:
 
 def _nees(rows: Sequence[ClosureRow], errors: Floats) -> float:
     """The mean of e' S^-1 e / (claimed dimensions)."""
-    return float(np.mean([_normalised(row, error) for row, error in zip(rows, errors, strict=True)]))
+    return float(np.mean([_normalised_squared_error(row, error) for row, error in zip(rows, errors, strict=True)]))
 
 
-def _normalised(row: ClosureRow, error: Floats) -> float:
+def _normalised_squared_error(row: ClosureRow, error: Floats) -> float:
     size = 3 if row.heading_claimed else 2
     try:
         factor = np.linalg.cholesky(row.covariance[:size, :size])
@@ -141,7 +141,7 @@ def _normalised(row: ClosureRow, error: Floats) -> float:
 
 
 def _revisits(truth: Trajectory) -> Floats:
-    """(n, 2) metres of path of an earlier place and its revisit."""
+    """(n, 2) distances along the path (m) of an earlier point and its revisit."""
     path_m, first = np.unique(truth.path_m(), return_index=True)
     at_m = np.arange(0.0, path_m[-1] + 1e-9, _STEP_M)
     places = np.stack([np.interp(at_m, path_m, truth.poses[first, k]) for k in (0, 1)], axis=1)
@@ -151,10 +151,10 @@ def _revisits(truth: Trajectory) -> Floats:
 
 
 def _answered(pairs: Floats, accepted: Sequence[ClosureRow], truth: Trajectory) -> Flags:
-    """(n,) whether a closure joins the two places of each pair."""
+    """(n,) whether a closure connects the two points of each pair."""
     if not accepted:
         return np.zeros(len(pairs), bool)
     ends = np.interp(truth.seconds(_stamps(accepted)), truth.seconds(truth.stamps_ns), truth.path_m())
     distance, _ = cKDTree(np.sort(ends, axis=1)).query(pairs, p=np.inf)
-    answered: Flags = distance <= ANSWERS_WITHIN_M
+    answered: Flags = distance <= RECALLED_WITHIN_M
     return answered

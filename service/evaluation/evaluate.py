@@ -1,4 +1,4 @@
-"""wayfi evaluate: a replay's folder against a reference."""
+"""`wayfi evaluate`: the scores of a replay's folder against a reference."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -29,7 +29,7 @@ ON_SCAN_S = 0.002
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrajectoryScore:
-    """One trajectory against the reference; the relations are None where no file of them was given."""
+    """The scores of one trajectory; the relations are None without a file of them."""
 
     trajectory: Trajectory
     alignment: Alignment
@@ -38,7 +38,7 @@ class TrajectoryScore:
     relations_on_scan: RelationError | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The figures alone, as JSON takes them."""
+        """The figures as plain values for JSON."""
         figures: dict[str, Any] = asdict(self.alignment.error)
         figures["rpe"] = [asdict(error) for error in self.rpe]
         if self.relations and self.relations_on_scan:
@@ -49,7 +49,7 @@ class TrajectoryScore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """Everything that `wayfi evaluate` says about one replay, and what its plots are drawn from."""
+    """All scores of a replay, and the data of its plots."""
 
     truth: Trajectory
     final: TrajectoryScore
@@ -59,7 +59,7 @@ class Evaluation:
     recall: Recall
 
     def to_dict(self) -> dict[str, Any]:
-        """`final` and `online` (ate_*, rpe, relations), `closures` by kind, `recall`; None where there is no figure."""
+        """`final` and `online` (ate_*, rpe, relations), `closures` by kind, `recall`; None for a missing figure."""
         closures = {kind.value: asdict(score) for kind, score in self.closures.items()}
         return {
             "final": self.final.to_dict(),
@@ -72,12 +72,12 @@ class Evaluation:
 def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = None) -> Evaluation:
     """Scores trajectory.tum, online.tum and closures.csv of `directory` against `truth_path` (TUM).
 
-    Raises TrajectoryError, TableError or ScoringError (all WayfiError) where a file is missing, broken or of another
-    time.
+    Raises TrajectoryError, TableError or ScoringError (all WayfiError) for a file that is missing, malformed or from
+    another time.
     """
     truth = read_tum(truth_path)
     if len(truth) < 2:
-        raise ScoringError(f"{truth_path}: one pose is no reference; it takes at least two")
+        raise ScoringError(f"{truth_path}: a reference needs at least two poses")
     relations = read_relations(relations_path) if relations_path else None
     rows = read_closures(directory / "closures.csv")
     return Evaluation(
@@ -91,12 +91,12 @@ def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = No
 
 
 def write_evaluation(directory: Path, evaluation: Evaluation) -> None:
-    """Writes evaluation.json into `directory`."""
+    """Writes evaluation.json into `directory`. Raises OSError."""
     write_text(directory / "evaluation.json", json.dumps(evaluation.to_dict(), indent=1) + "\n")
 
 
 def read_relations(path: Path) -> Relations:
-    """The rows `t1 t2 dx dy dtheta` (s, s, m, m, rad) of `path`. Raises ScoringError where a line is not one."""
+    """The relations in `path`, lines of `t1 t2 dx dy dtheta` (s, s, m, m, rad). Raises ScoringError."""
     stamps: list[tuple[int, int]] = []
     poses: list[tuple[float, float, float]] = []
     for number, line in enumerate(_lines(path), 1):

@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: where the robot was and was believed to be, and how far the two were apart."""
+"""Plots of an evaluation: the trajectories over the reference, and their errors over time."""
 
 import io
 from pathlib import Path
@@ -13,7 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.recordings.files.atomic_files import write_bytes
 from wayfi.recordings.files.tables import ClosureRow
 from wayfi.recordings.trajectory import Trajectory
-from wayfi.service.evaluation.closure_scores import accepted_of, has_reference, is_right
+from wayfi.service.evaluation.closure_scores import accepted_of, has_reference, is_correct
 from wayfi.service.evaluation.evaluate import Evaluation, TrajectoryScore
 
 _TRUTH, _FINAL, _ONLINE = "#8a94a0", "#1f6fd0", "#e08a1e"
@@ -23,13 +23,13 @@ _GAP_S = 15.0
 
 
 def write_plots(directory: Path, evaluation: Evaluation) -> None:
-    """Writes evaluation_trajectory.png and evaluation_error.png into `directory`."""
+    """Writes evaluation_trajectory.png and evaluation_error.png into `directory`. Raises OSError."""
     write_bytes(directory / "evaluation_trajectory.png", _png(_trajectory_figure(evaluation)))
     write_bytes(directory / "evaluation_error.png", _png(_error_figure(evaluation)))
 
 
 def _trajectory_figure(evaluation: Evaluation) -> Figure:
-    """The reference and both trajectories laid over it, with the accepted closures as lines between places."""
+    """The reference, both trajectories aligned to it, and the accepted closures as lines."""
     figure = _figure(_plot_size(evaluation.truth.poses))
     axes = _axes(figure)
     _draw_closures(axes, evaluation)
@@ -44,12 +44,12 @@ def _trajectory_figure(evaluation: Evaluation) -> Figure:
 
 
 def _error_figure(evaluation: Evaluation) -> Figure:
-    """The distance of both trajectories from the reference over time."""
+    """The position errors of both trajectories over time."""
     figure = _figure((10.0, 4.0))
     axes = _axes(figure)
     for name, score, color in (("online", evaluation.online, _ONLINE), ("final", evaluation.final, _FINAL)):
         seconds = evaluation.truth.seconds(score.alignment.stamps_ns)
-        seconds, errors = _broken_at_gaps(seconds, score.alignment.errors_m)
+        seconds, errors = _split_at_gaps(seconds, score.alignment.errors_m)
         axes.plot(seconds, errors, color=color, linewidth=1.2, label=_label(name, score))
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.01)
@@ -60,13 +60,13 @@ def _error_figure(evaluation: Evaluation) -> Figure:
 
 
 def _draw_closures(axes: Axes, evaluation: Evaluation) -> None:
-    """Each accepted closure as a line from the reference's place of a to that of b."""
+    """Draws each accepted closure as a line, coloured by whether it is correct."""
     rows, truth = accepted_of(evaluation.rows), evaluation.truth
-    right, known = is_right(rows, truth), has_reference(rows, truth)
+    correct, known = is_correct(rows, truth), has_reference(rows, truth)
     groups = (
         ("not scored", _UNKNOWN, ~known),
-        ("right", _RIGHT, right),
-        ("wrong", _WRONG, known & ~right),
+        ("right", _RIGHT, correct),
+        ("wrong", _WRONG, known & ~correct),
     )
     for name, color, members in groups:
         if not members.any():
@@ -78,7 +78,7 @@ def _draw_closures(axes: Axes, evaluation: Evaluation) -> None:
 
 
 def _closure_lines(rows: list[ClosureRow], truth: Trajectory) -> Floats:
-    """(n, 2, 2) the reference's place of a, and where the closure puts b from there."""
+    """(n, 2, 2) lines from the reference's position of a to the position of b according to the closure."""
     a = truth.at(np.array([row.stamp_a_ns for row in rows], np.int64))
     ends = [(Pose2.of(pose) @ row.T_a_b).array()[:2] for pose, row in zip(a, rows, strict=True)]
     return np.stack([a[:, :2], np.array(ends)], axis=1)
@@ -88,8 +88,8 @@ def _aligned(score: TrajectoryScore) -> Floats:
     return score.alignment.T_reference_estimate.transform(score.trajectory.poses[:, :2])
 
 
-def _broken_at_gaps(seconds: Floats, errors: Floats) -> tuple[Floats, Floats]:
-    """The same curve with a NaN in every gap, so that no line is drawn across it."""
+def _split_at_gaps(seconds: Floats, errors: Floats) -> tuple[Floats, Floats]:
+    """The curve with a NaN in every gap, so that no line is drawn across it."""
     gaps = np.flatnonzero(np.diff(seconds) > _GAP_S) + 1
     return np.insert(seconds, gaps, np.nan), np.insert(errors, gaps, np.nan)
 
@@ -99,7 +99,7 @@ def _label(name: str, score: TrajectoryScore) -> str:
 
 
 def _plot_size(poses: Floats) -> tuple[float, float]:
-    """Inches that suit the reference's extent: 10 on the longer side, at least 4 on the other."""
+    """The size in inches: 10 on the longer side of the reference's extent, at least 4 on the other."""
     width, height = np.ptp(poses[:, :2], axis=0) + 1.0
     scale = 10.0 / max(width, height)
     return max(4.0, float(width * scale)), max(4.0, float(height * scale))

@@ -1,10 +1,9 @@
-"""How far a trajectory is from a reference: ATE, RPE and hand-checked relations, in numpy alone.
+"""Errors of a trajectory against a reference: ATE, RPE and hand-checked relations.
 
-The estimate is interpolated at the reference's stamps; a stamp more than 0.5 s outside the estimate, or in a gap of it
-of more than 15 s, is not scored but counted.
+The estimate is interpolated at the reference's stamps. Stamps more than 0.5 s outside the estimate, or in a gap of more
+than 15 s, are counted as not covered.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +23,7 @@ class ScoringError(WayfiError):
 
 @dataclass(frozen=True, slots=True)
 class AbsoluteError:
-    """ATE: distances after the best SE(2) alignment, and how many reference poses they are of."""
+    """The absolute trajectory error after the best SE(2) alignment; `scored` counts reference poses."""
 
     ate_rmse_m: float
     ate_median_m: float
@@ -36,7 +35,7 @@ class AbsoluteError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """An estimate laid over a reference: `errors_m` (n,) are left at the reference's `stamps_ns` (n,)."""
+    """An estimate aligned to a reference, with the position errors `errors_m` (n,) at the reference's `stamps_ns`."""
 
     T_reference_estimate: Pose2
     stamps_ns: Stamps
@@ -46,7 +45,7 @@ class Alignment:
 
 @dataclass(frozen=True, slots=True)
 class RelativeError:
-    """RPE over one stated distance along the reference; the figures are None where no two poses are so far apart."""
+    """The relative pose error over `distance_m` along the reference; None if the path is shorter."""
 
     distance_m: float
     translation_rmse_m: float | None
@@ -56,20 +55,20 @@ class RelativeError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relations:
-    """Hand-checked relative poses (n, 3), x, y (m), theta (rad) of stamp b in stamp a; stamps are (n,)."""
+    """Hand-checked relative poses `T_a_b` (n, 3), x, y (m), theta (rad), between stamps (n,)."""
 
     stamps_a_ns: Stamps
     stamps_b_ns: Stamps
     T_a_b: Floats
 
     def only(self, flags: Flags) -> "Relations":
-        """Those whose flag is set."""
+        """The relations whose flag is set."""
         return Relations(self.stamps_a_ns[flags], self.stamps_b_ns[flags], self.T_a_b[flags])
 
 
 @dataclass(frozen=True, slots=True)
 class RelationError:
-    """Mean error against hand-checked relations (Kuemmerle et al. 2009); None where none is scored."""
+    """Errors against hand-checked relations (Kuemmerle et al. 2009); None if none is scored."""
 
     translation_mean_m: float | None
     translation_std_m: float | None
@@ -81,7 +80,7 @@ class RelationError:
 
 
 def align(source_xy: Floats, target_xy: Floats) -> Pose2:
-    """T_target_source, the SE(2) that lays (n, 2) points best on (n, 2) points (Umeyama 1991, without scale)."""
+    """T_target_source with the least squares error over pairs of points (n, 2) (Umeyama 1991, without scale)."""
     source_mean, target_mean = source_xy.mean(axis=0), target_xy.mean(axis=0)
     a, b = source_xy - source_mean, target_xy - target_mean
     theta = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
@@ -90,7 +89,7 @@ def align(source_xy: Floats, target_xy: Floats) -> Pose2:
 
 
 def absolute_error(estimate: Trajectory, reference: Trajectory) -> Alignment:
-    """ATE of `estimate`. Raises ScoringError where it covers fewer than two poses of the reference."""
+    """The ATE of `estimate`. Raises ScoringError if it covers fewer than two poses of the reference."""
     covered = estimate.covers(reference.stamps_ns, EDGE_S, GAP_S)
     if covered.sum() < 2:
         raise ScoringError("the trajectory and the reference share no time; are they of the same recording?")
@@ -109,14 +108,12 @@ def absolute_error(estimate: Trajectory, reference: Trajectory) -> Alignment:
     return Alignment(T, reference.stamps_ns[covered], errors, error)
 
 
-def relative_error(
-    estimate: Trajectory, reference: Trajectory, distances_m: Sequence[float] = RPE_DISTANCES_M
-) -> list[RelativeError]:
-    """RPE: each reference pose against the first one at least a stated distance of path after it."""
+def relative_error(estimate: Trajectory, reference: Trajectory) -> list[RelativeError]:
+    """The RPE for each of RPE_DISTANCES_M: from each reference pose to the first that is so far along the path."""
     covered = estimate.covers(reference.stamps_ns, EDGE_S, GAP_S)
     poses, true = estimate.at(reference.stamps_ns[covered]), reference.poses[covered]
     path_m = reference.path_m()[covered]
-    return [_relative_error(poses, true, path_m, distance) for distance in distances_m]
+    return [_relative_error(poses, true, path_m, distance) for distance in RPE_DISTANCES_M]
 
 
 def _relative_error(poses: Floats, true: Floats, path_m: Floats, distance_m: float) -> RelativeError:
@@ -130,7 +127,7 @@ def _relative_error(poses: Floats, true: Floats, path_m: Floats, distance_m: flo
 
 
 def relation_error(estimate: Trajectory, relations: Relations, on_scan_s: float | None = None) -> RelationError:
-    """Error of `estimate` against `relations`; with `on_scan_s`, those with both stamps that near to a pose of it."""
+    """The errors against `relations`; with `on_scan_s`, only of those with both stamps so near to an estimated pose."""
     if on_scan_s is not None:
         ends = relations.stamps_a_ns, relations.stamps_b_ns
         near = [estimate.nearest_s(stamps) <= on_scan_s for stamps in ends]

@@ -10,7 +10,8 @@ from pathlib import Path
 import zenoh
 
 from wayfi.backend.errors import WayfiError
-from wayfi.recordings.mcap.recording import Record, Recording, open_recording
+from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import Recording, open_recording
 from wayfi.recordings.ros.topics import Encoding, route
 from wayfi.service.config import Config, ZenohConfig
 from wayfi.service.replay.playback_rate import PlaybackRate

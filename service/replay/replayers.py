@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from wayfi.recordings.mcap.recording import Record
+from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.ros.topics import CONTROL_TOPIC, Route, route
 from wayfi.service.drive.control_records import ControlRecordError, parse_control_record
 from wayfi.service.drive.drive import Drive

@@ -1,1 +1,1 @@
-"""The method that wayfi starts from, as its paper has it (Ismail et al., arXiv 2206.08733), and the paper's tables."""
+"""The batch method of Ismail et al. (arXiv 2206.08733), from which wayfi started, and the paper's tables."""

@@ -1,4 +1,4 @@
-"""Algorithm 1 of the paper, stage by stage, over a whole drive at once; and the methods that it is compared with."""
+"""Algorithm 1 of the paper, a batch method, stage by stage; and the methods that the paper compares it with."""
 
 import time
 from collections.abc import Callable
@@ -23,7 +23,7 @@ WINDOW, NEIGHBOURS = 80, 2  # the paper's choice of w and k
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
 
-_ADDITIONAL = (
+_LIDAR_METHODS = (
     (Method.TENTH, 0.1, Stage.TENTH, Stage.SECOND_OPTIMISATION),
     (Method.TWO_FIFTHS, 0.4, Stage.TWO_FIFTHS, Stage.SECOND_OPTIMISATION_TWO_FIFTHS),
 )
@@ -31,9 +31,9 @@ _ADDITIONAL = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WifiStage:
-    """The similarities of all fingerprints, the candidate pairs, and the closures among them of w = 80 and k = 2.
+    """The similarities of all fingerprints, the candidate pairs, and the closures for w = 80 and k = 2.
 
-    `pairs_s` is how long the similarities and candidates took.
+    `pairs_s` is the time (s) that similarities and candidates took.
     """
 
     similarity: Similarities
@@ -44,7 +44,7 @@ class WifiStage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
-    """The trajectories by method and the seconds by stage; without a laser, without those of the laser."""
+    """The trajectories by method and the seconds by stage. Methods and stages of the laser are missing without one."""
 
     wifi: WifiStage
     trajectories: dict[Method, Trajectory]
@@ -52,9 +52,9 @@ class Reproduction:
 
 
 def run_algorithm1(drive: RecordedDrive, bar: Bar) -> Reproduction:
-    """The paper's stages on `drive`; `bar` opens a progress bar by its title.
+    """Runs the paper's stages on `drive`; `bar` opens a progress bar with a title.
 
-    Raises ReproductionError where the drive is too short for the similarity model.
+    Raises ReproductionError if the drive is too short for the similarity model.
     """
     _compile(drive)
     timer = StageTimer()
@@ -74,16 +74,16 @@ def run_algorithm1(drive: RecordedDrive, bar: Bar) -> Reproduction:
 
 
 def _compile(drive: RecordedDrive) -> None:
-    """Run what is compiled at its first use on next to nothing: the seconds by stage are to be of the method."""
-    similarity = all_similarities(drive.readings[:2], _unseen)
+    """Runs the functions that numba compiles once, on minimal input, so that compilation is not timed."""
+    similarity = all_similarities(drive.readings[:2], _no_progress)
     sequence_closures(np.array([[0, 1]]), similarity, drive.poses[:2], 2, 1)
     two = dict(list(drive.scans.items())[:2])
     if two:
-        close_scans(two, np.zeros_like(drive.poses), np.zeros_like(drive.path_m), _unseen)
+        close_scans(two, np.zeros_like(drive.poses), np.zeros_like(drive.path_m), _no_progress)
 
 
-def _unseen(fraction: float) -> None:
-    """The progress of what is over at once."""
+def _no_progress(fraction: float) -> None:
+    """Progress that is not shown."""
 
 
 def _wifi_stage(drive: RecordedDrive, bar: Bar, timer: StageTimer) -> WifiStage:
@@ -99,11 +99,11 @@ def _wifi_stage(drive: RecordedDrive, bar: Bar, timer: StageTimer) -> WifiStage:
 def _laser_stages(
     drive: RecordedDrive, wifi: Closures, coarse: Floats, bar: Bar, timer: StageTimer
 ) -> dict[Method, Floats]:
-    """(n, 3) poses by method, given the closures by WiFi and the `coarse` trajectory (n, 3) that they give."""
+    """(n, 3) poses by method, from the WiFi closures and their `coarse` trajectory (n, 3)."""
     with bar("scan matching in close proximity") as progress, timer(Stage.CLOSE_SCANS):
         close = close_scans(drive.scans, drive.poses, drive.path_m, progress)
     poses = {Method.CLOSE_SCANS: optimise(drive.poses, [wifi, close])}
-    for method, share, search, optimisation in _ADDITIONAL:
+    for method, share, search, optimisation in _LIDAR_METHODS:
         with bar(f"LiDAR closures of {share:.0%} of the scans") as progress, timer(search):
             additional = lidar_closures(drive.scans, coarse, drive.path_m, share, progress)
         with bar("second optimisation"), timer(optimisation):

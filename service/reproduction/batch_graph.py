@@ -1,7 +1,7 @@
-"""The batch pose graph: odometry and closures, minimised at once (the paper's equation of the pose graph).
+"""The batch pose graph of odometry and closures (the paper's pose graph equation).
 
-Closures have the identity for a covariance, in m and rad, as the paper has it. It gives none for the odometry, on which
-the accuracy hangs: the one here is of wheels that nobody has calibrated.
+The covariance of closures is the identity, in m and rad, as in the paper. The paper gives none for the odometry, which
+determines the accuracy; the one here is of uncalibrated wheels.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from wayfi.service.reproduction.similarity_model import Distances
 from wayfi.service.reproduction.wifi_closures import Closures
 
 ITERATIONS = 100
-STEP_SIGMAS = np.array([0.1, 0.1, 0.02])  # m, m, rad from one WiFi scan to the next; real wheels err 0.026 rad a metre
+STEP_SIGMAS = np.array([0.1, 0.1, 0.02])  # m, m, rad between two WiFi scans; real wheels err by 0.026 rad/m
 FIRST_SIGMA = 1e-3  # m and rad: the first pose is the origin
 
 
 def optimise(poses: Floats, closures: Sequence[Closures], distances: Distances | None = None) -> Floats:
-    """(n, 3) the poses that fit the odometry `poses` (n, 3), the `closures` and the `distances` best.
+    """The optimised poses (n, 3), given the odometry `poses` (n, 3), `closures` and `distances`.
 
-    Levenberg-Marquardt from the odometry.
+    Levenberg-Marquardt, starting from the odometry.
     """
     graph = _odometry_graph(poses)
     for group in closures:

@@ -1,4 +1,4 @@
-"""`wayfi reproduce`: the paper's method on a recording, its tables, beside the streaming service."""
+"""`wayfi reproduce`: the paper's method and the streaming service on a recording, in the paper's tables."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -12,7 +12,6 @@ from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.process.console import Output
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.algorithm1 import NEIGHBOURS, WINDOW, Reproduction, run_algorithm1
-from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.methods import Method
 from wayfi.service.reproduction.plots import write_plots
 from wayfi.service.reproduction.recorded_drive import RecordedDrive, read_drive
@@ -24,23 +23,24 @@ NO_LASER = "no laser in the recording: the stages that need it are left out"
 
 
 def simulate_carpark(out: Path, minutes: float | None, output: Output) -> tuple[Path, Path]:
-    """The paper's car park, simulated into `out`: the recording and its truth; whole where `minutes` is None."""
-    _make_folder(out)
+    """Simulates the paper's car park into `out`; returns the recording and its truth. None `minutes`: full length."""
+    out.mkdir(parents=True, exist_ok=True)
     with output.progress("simulate the car park") as progress:
         made = simulate(World.CARPARK, out, minutes=minutes, progress=progress)
     return made.recording, made.truth
 
 
 def reproduce(recording_path: Path, truth_path: Path, out: Path, output: Output) -> None:
-    """Run Algorithm 1 and the streaming service over a recording; tables and plots go to the folder `out`.
+    """Runs Algorithm 1 and the streaming service on a recording, and writes tables and plots into `out`.
 
-    Raises ReproductionError, RecordingError, TrajectoryError or ScoringError (all WayfiError).
+    Raises ReproductionError, RecordingError, TrajectoryError or ScoringError (all WayfiError), and OSError where `out`
+    cannot be written.
     """
-    _make_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     truth = read_tum(truth_path)
     with output.progress(f"read {recording_path}") as progress:
         drive = read_drive(recording_path, progress)
-    absolute_error(drive.odometry, truth)  # a truth of another drive is told before the work
+    absolute_error(drive.odometry, truth)  # reports a truth of another drive before the long work
     reproduction = run_algorithm1(drive, output.progress)
     with output.progress("streaming, laser off") as progress:
         laser_off = run_streaming(recording_path, False, progress)
@@ -55,8 +55,8 @@ def reproduce(recording_path: Path, truth_path: Path, out: Path, output: Output)
     stages = stage_table(reproduction.seconds, (laser_on or laser_off).seconds, drive_s)
     tables = [*sweeps, methods, stages]
     write_tables(out, tables)
-    write_plots(out, sweeps, methods, stages, _shown(reproduction, laser_off, laser_on), truth)
-    _say(output, out, tables, [] if drive.scans else [NO_LASER])
+    write_plots(out, sweeps, methods, stages, _trajectories(reproduction, laser_off, laser_on), truth)
+    _print_tables(output, out, tables, [] if drive.scans else [NO_LASER])
 
 
 def _streaming_with_laser(recording_path: Path, drive: RecordedDrive, output: Output) -> StreamingRun | None:
@@ -71,10 +71,10 @@ def _sweep_tables(
 ) -> list[Table]:
     with output.progress("other windows and neighbours") as progress:
         by_window, by_neighbours = run_sweeps(drive, reproduction.wifi, truth, progress)
-    beside = streaming_figures(laser_off, truth)
+    streaming = streaming_figures(laser_off, truth)
     return [
-        sweep_table("w", paper_figures.WINDOWS, by_window, WINDOW, beside),
-        sweep_table("k", paper_figures.NEIGHBOURS, by_neighbours, NEIGHBOURS, beside),
+        sweep_table("w", paper_figures.WINDOWS, by_window, WINDOW, streaming),
+        sweep_table("k", paper_figures.NEIGHBOURS, by_neighbours, NEIGHBOURS, streaming),
     ]
 
 
@@ -82,10 +82,10 @@ def _ate_m(trajectory: Trajectory, truth: Trajectory) -> float:
     return absolute_error(trajectory, truth).error.ate_rmse_m
 
 
-def _shown(
+def _trajectories(
     reproduction: Reproduction, laser_off: StreamingRun, laser_on: StreamingRun | None
 ) -> Mapping[str, Trajectory]:
-    """The trajectories that are drawn, by title."""
+    """The trajectories of the plot, by title."""
     shown = {str(method): reproduction.trajectories[method] for method in Method if method in reproduction.trajectories}
     shown["streaming, laser off"] = laser_off.trajectory
     if laser_on:
@@ -93,19 +93,12 @@ def _shown(
     return shown
 
 
-def _say(output: Output, out: Path, tables: list[Table], notes: list[str]) -> None:
+def _print_tables(output: Output, out: Path, tables: list[Table], notes: list[str]) -> None:
     for table in tables:
-        output.table(table.title, table.columns, table.words())
+        output.table(table.title, table.columns, table.rows_as_text())
         output.say("")
     for note in notes:
         output.say(note)
     output.say(f"tables (CSV) and plots: {out}")
     rows = {table.file.removesuffix(".csv"): [asdict(row) for row in table.rows] for table in tables}
     output.result({"out": str(out), "tables": rows, "notes": notes})
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ReproductionError(f"{out}: cannot be made: {error.strerror}") from None

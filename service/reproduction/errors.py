@@ -1,7 +1,7 @@
-"""What goes wrong with a reproduction."""
+"""The errors of a reproduction."""
 
 from wayfi.backend.errors import WayfiError
 
 
 class ReproductionError(WayfiError):
-    """A recording without what the method needs, or a folder that cannot be made."""
+    """A recording without what the method needs."""

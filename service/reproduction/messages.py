@@ -1,4 +1,4 @@
-"""The messages of a recording that a sensor sent, for the batch method and for the streaming service alike."""
+"""The sensor messages of a recording, for the batch method and the streaming service."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ Progress = Callable[[float], None]
 
 
 def sensor_messages(recording_path: Path, progress: Progress) -> Iterator[tuple[Sensor, Encoding, bytes]]:
-    """The sensor, encoding and data of each message in the recording's order. Raises RecordingError."""
+    """The sensor, encoding and data of each message, in the order of the recording. Raises RecordingError."""
     recording = open_recording(recording_path)
     total = max(recording.message_count, 1)
     for number, record in enumerate(recording):

@@ -1,10 +1,10 @@
-"""What the paper compares (Table III) and the steps that it times (Table IV), in its order."""
+"""The methods of the paper's Table III and the stages of its Table IV, in their order."""
 
 from enum import StrEnum
 
 
 class Method(StrEnum):
-    """A way to a trajectory; each of the laser's last ones adds to the close scans."""
+    """A method of estimating the trajectory."""
 
     ODOMETRY = "odometry"
     GMAPPING = "GMapping"
@@ -16,7 +16,7 @@ class Method(StrEnum):
 
 
 class Stage(StrEnum):
-    """A step of Algorithm 1."""
+    """A stage of Algorithm 1."""
 
     WIFI_CLOSURES = "WiFi closures"
     FIRST_OPTIMISATION = "first optimisation"

@@ -1,6 +1,6 @@
-"""What the paper prints (Ismail et al., arXiv 2206.08733): its own car park, 1,072.6 m in 2,583 s.
+"""The figures printed in the paper (Ismail et al., arXiv 2206.08733), of a drive of 1,072.6 m in 2,583 s.
 
-Nothing here is computed, and nothing that is computed comes from here.
+They are only shown for comparison; no computation uses them.
 """
 
 from wayfi.service.reproduction.methods import Method, Stage
@@ -36,10 +36,10 @@ ATE_M = {
 """Table III."""
 
 SECONDS = {
-    Stage.WIFI_CLOSURES: 364.0,  # of w = 40 in Table I, of w = 80 here
+    Stage.WIFI_CLOSURES: 364.0,  # Table I gives this for w = 40, Table IV for w = 80
     Stage.FIRST_OPTIMISATION: 2.76,
     Stage.CLOSE_SCANS: 917.0,
     Stage.TENTH: 3888.0,
     Stage.SECOND_OPTIMISATION: 2.84,
 }
-"""Table IV; the paper does not say how long 40 % took."""
+"""Table IV; the paper gives no time for 40 %."""

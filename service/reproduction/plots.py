@@ -1,4 +1,4 @@
-"""Pictures of a reproduction: the trajectories, and the paper's tables as curves and bars."""
+"""Plots of a reproduction: the trajectories, and the paper's tables as curves and bars."""
 
 import io
 import math
@@ -32,7 +32,7 @@ def write_plots(
     directory: Path, sweeps: list[Table], methods: Table, stages: Table, trajectories: Mapping[str, Trajectory],
     truth: Trajectory,
 ) -> None:  # fmt: skip
-    """Write trajectories.png, closures.png, methods.png and time.png into `directory`."""
+    """Writes trajectories.png, closures.png, methods.png and time.png into `directory`. Raises OSError."""
     write_bytes(directory / "trajectories.png", _png(_trajectory_figure(trajectories, truth)))
     write_bytes(directory / "closures.png", _png(_sweep_figure(sweeps)))
     write_bytes(directory / "methods.png", _png(_bar_figure(methods)))
@@ -40,7 +40,7 @@ def write_plots(
 
 
 def _trajectory_figure(trajectories: Mapping[str, Trajectory], truth: Trajectory) -> Figure:
-    """A panel a trajectory, each laid over the reference."""
+    """A panel for each trajectory, aligned to the reference."""
     low, high = _view(truth.poses[:, :2])
     width, height = high - low
     columns = 2 if height < 0.5 * width else 4
@@ -52,8 +52,8 @@ def _trajectory_figure(trajectories: Mapping[str, Trajectory], truth: Trajectory
         alignment = absolute_error(trajectory, truth)
         aligned = alignment.T_reference_estimate.transform(trajectory.poses[:, :2])
         axes.plot(*truth.poses[:, :2].T, color=_TRUTH, linewidth=3.0, alpha=0.5, label="reference")
-        axes.plot(*aligned.T, color=_COLORS["reproduction"], linewidth=0.9, label="estimate, laid over it; metres")
-        _dress(axes, f"{name}\nATE {figure_text(alignment.error.ate_rmse_m)} m")
+        axes.plot(*aligned.T, color=_COLORS["reproduction"], linewidth=0.9, label="estimate, aligned; metres")
+        _decorate(axes, f"{name}\nATE {figure_text(alignment.error.ate_rmse_m)} m")
         axes.set_aspect("equal")
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     _legend(figure)
@@ -61,14 +61,14 @@ def _trajectory_figure(trajectories: Mapping[str, Trajectory], truth: Trajectory
 
 
 def _view(points: Floats) -> tuple[Floats, Floats]:
-    """The corners (2,) of what is shown: the reference and a margin; the odometry may leave it."""
+    """The lower left and upper right corner (2,) of the panels: the reference's extent and a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = max(_MARGIN * float((high - low).max()), 1.0)
     return low - margin, high + margin
 
 
 def _sweep_figure(tables: list[Table]) -> Figure:
-    """A row of panels a table, one a quantity but for the time, each over w or k."""
+    """A row of panels for each table, with a panel for each quantity except time, over w or k."""
     quantities = [quantity for quantity in SWEPT.values() if quantity != SWEPT["seconds"]]
     figure = _figure((_WIDTH_INCHES, 2.8 * len(tables) + _LEGEND_INCHES))
     for row_of_axes, table in zip(figure.subplots(len(tables), len(quantities), squeeze=False), tables, strict=True):
@@ -84,7 +84,7 @@ def _draw_sweep(axes: Axes, table: Table, quantity: str) -> None:
     for column in COLUMNS:
         values = np.array([getattr(row, column) for row in rows], float)
         axes.plot(settings, values, "o-", color=_COLORS[column], linewidth=1.4, markersize=4, label=_LABELS[column])
-    _dress(axes, quantity)
+    _decorate(axes, quantity)
     axes.set_xticks(settings)
     axes.set_xlabel(_SETTINGS[table.setting], fontsize=8, color=_INK)
     axes.margins(y=0.15)
@@ -92,7 +92,7 @@ def _draw_sweep(axes: Axes, table: Table, quantity: str) -> None:
 
 
 def _bar_figure(table: Table) -> Figure:
-    """A group of bars a row, one a column, on a logarithmic scale."""
+    """A group of bars for each row, with a bar for each column, on a logarithmic scale."""
     figure = _figure((10.0, 1.3 + 0.62 * len(table.rows)))
     axes = figure.add_subplot()
     for offset, column in enumerate(COLUMNS):
@@ -105,7 +105,7 @@ def _bar_figure(table: Table) -> Figure:
     axes.invert_yaxis()
     axes.set_xscale("log")
     axes.set_xlabel(f"{table.rows[0].quantity} (logarithmic)", fontsize=8, color=_INK)
-    _dress(axes, table.title)
+    _decorate(axes, table.title)
     axes.margins(x=0.12)
     _legend(figure)
     return figure
@@ -117,7 +117,7 @@ def _figure(size_inches: tuple[float, float]) -> Figure:
     return figure
 
 
-def _dress(axes: Axes, title: str) -> None:
+def _decorate(axes: Axes, title: str) -> None:
     axes.set_title(title, fontsize=9, color=_INK)
     axes.grid(color=_GRID, linewidth=0.8)
     axes.set_axisbelow(True)

@@ -1,4 +1,4 @@
-"""A recording as a batch method takes it: the WiFi scans are its poses, each with a fingerprint and a laser scan."""
+"""A recording for the batch method: each WiFi scan is a pose with a fingerprint and, if there is one, a laser scan."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,17 +18,17 @@ from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.messages import Progress, sensor_messages
 
 SECOND_NS = 1_000_000_000
-SCAN_WITHIN_S = 2.0  # of its WiFi scan; the odometry carries it over
+SCAN_WITHIN_S = 2.0  # of the WiFi scan; the odometry gives the motion in between
 MAX_RANGE_M, THINNING_M = 25.0, 0.08
 NORMAL_RADIUS_M = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedDrive:
-    """n WiFi scans in order of time; `stamps_ns` (n,) are when they were heard.
+    """n WiFi scans, sorted by time; `stamps_ns` (n,) are the times at which they were heard.
 
-    `poses` (n, 3) are the odometry's there, `path_m` (n,) the metres driven. `scans` are laser points in the frame of
-    the pose, by its number; empty without a laser. `odometry` is the whole of it.
+    `poses` (n, 3) and `path_m` (n,) are the odometry's pose and path length at these times. `scans` are laser points in
+    the frame of a pose, by its index; empty without a laser. `odometry` is the whole odometry.
     """
 
     odometry: Trajectory
@@ -40,15 +40,15 @@ class RecordedDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sensed:
-    """What the sensors of a recording said; `mounts` are T_base_laser by frame, and whether it hangs upside down."""
+class _Measurements:
+    """The measurements of a recording; `mounts` are T_base_laser and whether it is upside down, by frame."""
 
     odometry: list[Odometry] = field(default_factory=list)
     wifi: list[WifiScan] = field(default_factory=list)
     laser: list[LaserScan] = field(default_factory=list)
     mounts: dict[str, tuple[Pose2, bool]] = field(default_factory=dict)
 
-    def take(self, measurement: Measurement) -> None:
+    def add(self, measurement: Measurement) -> None:
         match measurement:
             case Odometry() if measurement.pose.is_finite():
                 self.odometry.append(measurement)
@@ -61,35 +61,35 @@ class _Sensed:
 
 
 def read_drive(recording_path: Path, progress: Progress) -> RecordedDrive:
-    """The drive in a recording; messages that cannot be decoded are passed over.
+    """The drive in a recording. Messages that cannot be decoded are skipped.
 
     Raises RecordingError, or ReproductionError without WiFi or odometry.
     """
-    sensed = _Sensed()
+    received = _Measurements()
     for sensor, encoding, data in sensor_messages(recording_path, progress):
         try:
-            sensed.take(decode(data, sensor, encoding))
+            received.add(decode(data, sensor, encoding))
         except CodecError:
             continue
-    if len(sensed.odometry) < 2:
+    if len(received.odometry) < 2:
         raise ReproductionError(f"{recording_path}: no odometry; the paper's method starts from it")
-    path = _odometry_path(sensed.odometry)
-    stamps_ns, readings = _fingerprints(sensed.wifi, path)
+    path = _odometry_path(received.odometry)
+    stamps_ns, readings = _fingerprints(received.wifi, path)
     if len(readings) < 2:
         raise ReproductionError(f"{recording_path}: no WiFi to close loops with; see `wayfi inspect`")
     poses = path.at(stamps_ns)
     path_m = np.interp(path.seconds(stamps_ns), path.seconds(path.stamps_ns), path.path_m())
-    return RecordedDrive(path, stamps_ns, poses, path_m, readings, _scans(sensed, path, stamps_ns, poses))
+    return RecordedDrive(path, stamps_ns, poses, path_m, readings, _scans(received, path, stamps_ns, poses))
 
 
 def _odometry_path(odometry: list[Odometry]) -> Trajectory:
-    """The poses in order of time, the first of those with one stamp."""
+    """The poses sorted by time; the first of several with the same stamp."""
     stamps_ns, first = np.unique(np.array([m.stamp_ns for m in odometry], np.int64), return_index=True)
     return Trajectory(stamps_ns, np.array([odometry[i].pose.array() for i in first]))
 
 
 def _fingerprints(wifi: list[WifiScan], path: Trajectory) -> tuple[Stamps, list[Readings]]:
-    """When each usable scan was heard, in the median of its readings, and what it heard; within the odometry's time."""
+    """The median time of the readings of each usable scan, and its readings, within the time of the odometry."""
     heard = []
     for scan in wifi:
         readings, _ = usable_readings(scan)
@@ -100,11 +100,11 @@ def _fingerprints(wifi: list[WifiScan], path: Trajectory) -> tuple[Stamps, list[
     return np.array([stamp_ns for stamp_ns, _ in heard], np.int64), [readings for _, readings in heard]
 
 
-def _scans(sensed: _Sensed, path: Trajectory, stamps_ns: Stamps, poses: Floats) -> dict[int, ScanPoints]:
-    """The laser scan of each pose: the two are nearest to each other in time; the odometry moves it between them."""
-    if not sensed.laser:
+def _scans(received: _Measurements, path: Trajectory, stamps_ns: Stamps, poses: Floats) -> dict[int, ScanPoints]:
+    """The laser scan of each pose, if each is the other's nearest in time; transformed by the odometry in between."""
+    if not received.laser:
         return {}
-    laser = sorted(sensed.laser, key=lambda scan: scan.stamp_ns)
+    laser = sorted(received.laser, key=lambda scan: scan.stamp_ns)
     scan_ns = np.array([scan.stamp_ns for scan in laser], np.int64)
     nearest = _nearest(scan_ns, stamps_ns)
     mutual = _nearest(stamps_ns, scan_ns)[nearest] == np.arange(len(stamps_ns))
@@ -113,7 +113,7 @@ def _scans(sensed: _Sensed, path: Trajectory, stamps_ns: Stamps, poses: Floats) 
     scans = {}
     for number in np.flatnonzero(mutual & soon).tolist():
         scan = laser[nearest[number]]
-        mount, upside_down = sensed.mounts.get(scan.frame_id, (Pose2(), False))
+        mount, upside_down = received.mounts.get(scan.frame_id, (Pose2(), False))
         placed = _scan_points(scan, Pose2.of(T_pose_scan[number]), mount, upside_down)
         if len(placed.points):
             scans[number] = placed
@@ -126,7 +126,7 @@ def _scan_points(scan: LaserScan, T_pose_scan: Pose2, mount: Pose2, upside_down:
 
 
 def _nearest(sorted_ns: Stamps, stamps_ns: Stamps) -> NDArray[np.int64]:
-    """(n,) for each of `stamps_ns` the index of the nearest of `sorted_ns`."""
+    """(n,) the index of the nearest of `sorted_ns` for each of `stamps_ns`."""
     after = np.minimum(np.searchsorted(sorted_ns, stamps_ns), len(sorted_ns) - 1)
     before = np.maximum(after - 1, 0)
     return np.where(stamps_ns - sorted_ns[before] < sorted_ns[after] - stamps_ns, before, after)

@@ -1,4 +1,4 @@
-"""The similarity of every fingerprint to every other: the T^2 of the paper's method."""
+"""The similarity of all pairs of fingerprints."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ Similarities = NDArray[np.float32]
 
 
 def all_similarities(readings: list[Readings], progress: Progress) -> Similarities:
-    """(n, n) similarities of n fingerprints as `FingerprintIndex` defines them: symmetric, 1 of one to itself."""
+    """(n, n) similarities of n fingerprints as defined by `FingerprintIndex`: symmetric, 1 on the diagonal."""
     index = FingerprintIndex(SIGMA_DB)
     n = len(readings)
     similarity = np.eye(n, dtype=np.float32)

@@ -1,7 +1,7 @@
-"""The similarity model that the paper compares with: distance and variance as a function of similarity, in bins.
+"""The similarity model that the paper compares with: distance and sigma as functions of similarity, in bins.
 
-After Liu et al. (arXiv 1904.11712): the model is learnt from the odometry over short distances, where it can be
-trusted, and each closure says how far apart two fingerprints are, not in which direction.
+After Liu et al. (arXiv 1904.11712): the model is learnt from pairs at short path distance, where the odometry is
+accurate. A closure gives the distance between two fingerprints, without direction.
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from wayfi.service.reproduction.wifi_closures import Pairs
 
 SHORT_PATH_M = 20.0
 BINS = 20
-LEAST_IN_BIN = 10
-LEAST_SIGMA_M = 0.1
+MIN_PAIRS_IN_BIN = 10
+MIN_SIGMA_M = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimilarityModel:
-    """For each `similarity` (m,), ascending, the `distance_m` of two fingerprints so similar, and its `sigma_m`."""
+    """`distance_m` (m,) between fingerprints of `similarity` (m,), which ascends, and its `sigma_m` (m,)."""
 
     similarity: Floats
     distance_m: Floats
@@ -30,7 +30,7 @@ class SimilarityModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distances:
-    """Poses `pairs` (m, 2) by number, each `distance_m` (m,) apart, known to `sigma_m` (m,)."""
+    """`distance_m` (m,) between poses `pairs` (m, 2), by index, with standard deviation `sigma_m` (m,)."""
 
     pairs: Pairs
     distance_m: Floats
@@ -38,9 +38,9 @@ class Distances:
 
 
 def learn_model(similarity: Similarities, poses: Floats, path_m: Floats) -> SimilarityModel:
-    """The mean and spread of the distances by odometry of fingerprints at most 20 m of path apart, in bins of 0.05.
+    """The mean and spread of the odometry's distances between fingerprints up to 20 m of path apart, in bins of 0.05.
 
-    Raises ReproductionError where no bin has enough of them.
+    Raises ReproductionError if no bin has enough pairs.
     """
     similar, distance = [], []
     for i in range(len(path_m)):
@@ -51,7 +51,7 @@ def learn_model(similarity: Similarities, poses: Floats, path_m: Floats) -> Simi
 
 
 def distance_closures(pairs: Pairs, similarity: Similarities, model: SimilarityModel) -> Distances:
-    """What the model says of `pairs`; between the bins' middles it is interpolated."""
+    """The distances of `pairs` according to the model, interpolated between the middles of the bins."""
     values = similarity[pairs[:, 0], pairs[:, 1]]
     distance, sigma = (np.interp(values, model.similarity, column) for column in (model.distance_m, model.sigma_m))
     return Distances(pairs, distance, sigma)
@@ -59,10 +59,10 @@ def distance_closures(pairs: Pairs, similarity: Similarities, model: SimilarityM
 
 def _in_bins(similarity: Similarities, distance_m: Floats) -> SimilarityModel:
     numbers = np.minimum((similarity * BINS).astype(np.int64), BINS - 1)
-    filled = np.flatnonzero(np.bincount(numbers, minlength=BINS) >= LEAST_IN_BIN)
+    filled = np.flatnonzero(np.bincount(numbers, minlength=BINS) >= MIN_PAIRS_IN_BIN)
     if len(filled) == 0:
         raise ReproductionError("too few WiFi scans to learn how similarity falls with distance")
     groups = [distance_m[numbers == number] for number in filled]
     spread = np.array([group.std() for group in groups])
     middles = (filled + 0.5) / BINS
-    return SimilarityModel(middles, np.array([g.mean() for g in groups]), np.maximum(spread, LEAST_SIGMA_M))
+    return SimilarityModel(middles, np.array([g.mean() for g in groups]), np.maximum(spread, MIN_SIGMA_M))

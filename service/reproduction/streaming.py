@@ -1,4 +1,4 @@
-"""The streaming service on the same recording, as a replay runs it, with the laser and without."""
+"""The streaming service on the same recording, with and without the laser."""
 
 import time
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from wayfi.service.reproduction.sweep_figures import SweepFigures, closure_error
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamingRun:
-    """The final trajectory, the closures by WiFi that stand at the end, and the seconds for all, reading included."""
+    """The final trajectory, the WiFi closures accepted at the end, and the total time (s), reading included."""
 
     trajectory: Trajectory
     closures: list[ClosureJudged]
@@ -27,7 +27,7 @@ class StreamingRun:
 
 
 def run_streaming(recording_path: Path, laser: bool, progress: Progress) -> StreamingRun:
-    """Feed a recording to the streaming service with its defaults, with the `laser` or with the laser off."""
+    """Runs the streaming service with its defaults on a recording, with the `laser` on or off."""
     config = config_of({"lidar": {"enabled": laser}})
     warm_up()
     start = time.perf_counter()
@@ -42,7 +42,7 @@ def run_streaming(recording_path: Path, laser: bool, progress: Progress) -> Stre
 
 
 def streaming_figures(run: StreamingRun, truth: Trajectory) -> SweepFigures:
-    """The closures and the ATE of a run, as Tables I and II have them; it has no seconds for its closures alone."""
+    """The figures of a run for Tables I and II, without a time, because its closures are not timed separately."""
     stamps_ns = np.array([(c.stamp_a_ns, c.stamp_b_ns) for c in run.closures], np.int64).reshape(-1, 2)
     T_a_b = np.array([c.T_a_b.array() for c in run.closures]).reshape(-1, 3)
     claimed = np.array([c.heading_claimed for c in run.closures], np.bool_)

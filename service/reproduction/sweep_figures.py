@@ -1,4 +1,4 @@
-"""The figures of one column of Tables I and II, and how closures are scored for them."""
+"""The figures of a column of Tables I and II, and the errors of closures."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from wayfi.service.evaluation.trajectory_scores import EDGE_S, GAP_S
 
 @dataclass(frozen=True, slots=True)
 class SweepFigures:
-    """How many closures, their mean errors, how long it took to find them, the ATE with them; None is not known."""
+    """The number of closures, their mean errors, the time to find them and the ATE with them; None if unknown."""
 
     closures: int | None = None
     position_m: float | None = None
@@ -23,10 +23,10 @@ class SweepFigures:
 def closure_errors(
     stamps_ns: Stamps, T_a_b: Floats, truth: Trajectory, heading_claimed: Flags | None = None
 ) -> tuple[float | None, float | None]:
-    """The mean errors (m, rad) of closures `T_a_b` (m, 3) between `stamps_ns` (m, 2); None where there are none.
+    """The mean errors (m, rad) of closures `T_a_b` (m, 3) between `stamps_ns` (m, 2); None without closures.
 
-    The orientation is of those whose heading is claimed (m,), all where None. Ends that `truth` does not cover are
-    left out.
+    The orientation error is of closures with `heading_claimed` (m,) (None: all). Closures with an end that `truth` does
+    not cover are excluded.
     """
     known = np.all([truth.covers(stamps_ns[:, end], EDGE_S, GAP_S) for end in (0, 1)], axis=0)
     true = between_all(*(truth.at(stamps_ns[known, end]) for end in (0, 1)))

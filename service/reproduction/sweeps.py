@@ -1,4 +1,4 @@
-"""Tables I and II: Algorithm 1 up to its first optimisation, for other w and other k."""
+"""Tables I and II: Algorithm 1 up to its first optimisation, for other values of w and k."""
 
 import time
 
@@ -16,7 +16,7 @@ Sweep = dict[int, SweepFigures]
 
 
 def run_sweeps(drive: RecordedDrive, wifi: WifiStage, truth: Trajectory, progress: Progress) -> tuple[Sweep, Sweep]:
-    """The figures by w (k = 2) and by k (w = 80), for the values that the paper has."""
+    """The figures by w (k = 2) and by k (w = 80), for the values in the paper."""
     windows, neighbours = paper_figures.WINDOWS, paper_figures.NEIGHBOURS
     settings = sorted({(w, NEIGHBOURS) for w in windows} | {(WINDOW, k) for k in neighbours})
     figures = {}
@@ -27,7 +27,7 @@ def run_sweeps(drive: RecordedDrive, wifi: WifiStage, truth: Trajectory, progres
 
 
 def _figures(drive: RecordedDrive, wifi: WifiStage, truth: Trajectory, window: int, neighbours: int) -> SweepFigures:
-    """Of one w and k; the seconds include those of the similarities, which do not depend on either."""
+    """The figures for one w and k; the time includes that of the similarities, which depend on neither."""
     start = time.perf_counter()
     closures = sequence_closures(wifi.pairs, wifi.similarity, drive.poses, window, neighbours)
     seconds = wifi.pairs_s + time.perf_counter() - start

@@ -1,4 +1,4 @@
-"""The paper's Tables I to IV: its figures, the reproduction's and the streaming service's, side by side."""
+"""The paper's Tables I to IV with the figures of the paper, the reproduction and the streaming service."""
 
 import csv
 import io
@@ -19,12 +19,12 @@ SWEPT = {
     "seconds": "time, s",
     "ate_m": "ATE of WiFi SLAM, m",
 }
-"""What Tables I and II hold, by the field of SweepFigures."""
+"""The quantities of Tables I and II, by the field of SweepFigures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One quantity of one setting, method or stage; None where there is no figure."""
+    """One quantity for one setting, method or stage; None for a missing figure."""
 
     quantity: str
     setting: str
@@ -34,13 +34,13 @@ class Row:
 
     @property
     def figures(self) -> tuple[float | None, float | None, float | None]:
-        """Of the three columns."""
+        """The figures of the three columns."""
         return self.paper, self.reproduction, self.streaming
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One of the paper's tables; `setting` is what its rows are by, `file` the name of its CSV."""
+    """One of the paper's tables; `setting` is the title of its row labels, `file` the name of its CSV."""
 
     title: str
     file: str
@@ -49,21 +49,21 @@ class Table:
 
     @property
     def columns(self) -> list[str]:
-        """The head of the table."""
+        """The column titles."""
         return ["quantity", self.setting, *COLUMNS]
 
-    def words(self) -> list[list[str]]:
-        """The rows as text: a quantity where it begins, nothing where there is no figure."""
-        words, quantity = [], ""
+    def rows_as_text(self) -> list[list[str]]:
+        """The rows as text: a quantity only in its first row, an empty string for a missing figure."""
+        texts, quantity = [], ""
         for row in self.rows:
             named = "" if row.quantity == quantity else row.quantity
-            words.append([named, row.setting, *map(figure_text, row.figures)])
+            texts.append([named, row.setting, *map(figure_text, row.figures)])
             quantity = row.quantity
-        return words
+        return texts
 
 
 def figure_text(value: float | None) -> str:
-    """Three digits, or all of them before the point."""
+    """Three significant digits, or all digits before the point; empty for None."""
     if value is None:
         return ""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
@@ -72,33 +72,33 @@ def figure_text(value: float | None) -> str:
 def sweep_table(
     letter: str, paper: dict[int, SweepFigures], ours: dict[int, SweepFigures], chosen: int, streaming: SweepFigures
 ) -> Table:
-    """Table I (`letter` w) or II (k). The streaming service has neither: it stands beside the paper's choice."""
+    """Table I (`letter` w) or II (k). The streaming service, which has neither, is in the rows of `chosen`."""
     number, other = ("I", "k = 2") if letter == "w" else ("II", "w = 80")
     rows = []
     for name, quantity in SWEPT.items():
         for value, figures in ours.items():
-            beside = streaming if value == chosen else SweepFigures()
+            service = streaming if value == chosen else SweepFigures()
             rows.append(
-                Row(quantity, str(value), *(getattr(column, name) for column in (paper[value], figures, beside)))
+                Row(quantity, str(value), *(getattr(column, name) for column in (paper[value], figures, service)))
             )
     title = f"Table {number}: WiFi closures by {letter}, {other} (streaming: laser off)"
     return Table(title, f"table_{number}_{letter}.csv", letter, rows)
 
 
 def method_table(ours: dict[Method, float], laser_off: float, laser_on: float | None) -> Table:
-    """Table III: the ATE of each method; the streaming service with its laser off, and with everything on."""
+    """Table III: the ATE of each method; the streaming service with the laser off, and with the laser on."""
     streaming = {Method.WIFI: laser_off, Method.TWO_FIFTHS: laser_on}
     rows = [
         Row("ATE, m", method, paper_figures.ATE_M[method], ours.get(method), streaming.get(method))
         for method in Method
         if method in ours or method is Method.GMAPPING
     ]
-    beside = "laser off" if laser_on is None else "laser off beside WiFi, laser on in the last row"
-    return Table(f"Table III: ATE by method (streaming: {beside})", "table_III_methods.csv", "method", rows)
+    note = "laser off" if laser_on is None else "laser off beside WiFi, laser on in the last row"
+    return Table(f"Table III: ATE by method (streaming: {note})", "table_III_methods.csv", "method", rows)
 
 
 def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) -> Table:
-    """Table IV: the time of each stage, of those that the paper times together, and of the whole pipeline."""
+    """Table IV: the time of each stage, and their sum, compared with the streaming service."""
     rows = [
         Row("time, s", stage, paper_figures.SECONDS.get(stage), ours[stage], None) for stage in Stage if stage in ours
     ]
@@ -111,7 +111,7 @@ def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) ->
 
 
 def write_tables(directory: Path, tables: list[Table]) -> None:
-    """Write each table as CSV into `directory`, figures in full."""
+    """Writes each table as CSV into `directory`, with unrounded figures. Raises OSError."""
     for table in tables:
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")

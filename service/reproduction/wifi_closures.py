@@ -1,9 +1,9 @@
 """Loop closures from sequences of fingerprints: the paper's section III and the first half of its Algorithm 1.
 
 w counts fingerprints, which are single WiFi scans; a window is [j - w/2, j + w/2], cut where the drive begins or ends.
-A fingerprint is outcome against one earlier one, the most similar. The paper does not say so, but its seconds do: from
-w = 20 to 120 they grow as the comparisons of some 2,000 pairs would, at its 0.029 ms each, while tens of thousands pass
-its thresholds on a drive of that length.
+A fingerprint is compared with one earlier fingerprint, the most similar. The paper does not say so, but its times do:
+from w = 20 to 120 they grow as for about 2,000 pairs at 0.029 ms for a comparison, while tens of thousands of pairs
+pass its thresholds on a drive of this length.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Pairs = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closures:
-    """Relative poses `T_a_b` (m, 3) between poses `pairs` (m, 2) by number: a, then the later b."""
+    """Relative poses `T_a_b` (m, 3) between the poses `pairs` (m, 2), by index: a, then the later b."""
 
     pairs: Pairs
     T_a_b: Floats
@@ -35,7 +35,7 @@ class Closures:
 
 
 def candidate_pairs(similarity: Similarities, path_m: Floats) -> Pairs:
-    """(m, 2) fingerprints: each with the most similar one 50 m of path or more before it, if it is 0.3 or more."""
+    """(m, 2) pairs: each fingerprint with the most similar one at least 50 m of path earlier, if at least 0.3."""
     pairs = []
     for b in range(len(path_m)):
         far = int(np.searchsorted(path_m, path_m[b] - MIN_PATH_M, side="right"))
@@ -45,10 +45,11 @@ def candidate_pairs(similarity: Similarities, path_m: Floats) -> Pairs:
 
 
 def sequence_closures(pairs: Pairs, similarity: Similarities, poses: Floats, window: int, neighbours: int) -> Closures:
-    """The closures of `pairs` whose sequences fit: mean residual under 3 m.
+    """The closures of `pairs` whose sequences fit with a mean residual under 3 m.
 
-    Each fingerprint of a's window is paired with the mean place of its `neighbours` most similar ones of b's, weighted
-    by similarity. What lays these over a's, all where the odometry `poses` (n, 3) have them, moves b to where it was.
+    Each fingerprint in a's window is paired with the mean position of its `neighbours` most similar ones in b's window,
+    weighted by similarity; positions are from the odometry `poses` (n, 3). The rigid motion between the two sequences
+    corrects the pose of b relative to a.
     """
     fits = _fit_all(pairs, similarity, poses, window // 2, neighbours)
     accepted = fits[:, 3] < MAX_RESIDUAL_M
@@ -58,7 +59,7 @@ def sequence_closures(pairs: Pairs, similarity: Similarities, poses: Floats, win
 
 @njit(cache=True)
 def _fit_all(pairs: Pairs, similarity: Similarities, poses: Floats, half: int, neighbours: int) -> Floats:
-    """(m, 4) x, y, theta of the motion that each pair asks for, and its mean residual; infinite without two places."""
+    """(m, 4) x, y, theta of the rigid motion of each pair, and its mean residual, infinite for less than two points."""
     n = poses.shape[0]
     fits = np.empty((pairs.shape[0], 4))
     for p in range(pairs.shape[0]):
@@ -67,22 +68,22 @@ def _fit_all(pairs: Pairs, similarity: Similarities, poses: Floats, half: int, n
         source, target = np.empty((a_high - a_low, 2)), np.empty((a_high - a_low, 2))
         count = 0
         for i in range(a_low, a_high):
-            place, weight = _mean_place(similarity[i, b_low:b_high], poses[b_low:b_high], neighbours)
+            position, weight = _mean_position(similarity[i, b_low:b_high], poses[b_low:b_high], neighbours)
             if weight > 0:
-                source[count], target[count] = place, poses[i, :2]
+                source[count], target[count] = position, poses[i, :2]
                 count += 1
         fits[p] = _fit(source[:count], target[:count])
     return fits
 
 
 @njit(cache=True)
-def _mean_place(similarity: Similarities, poses: Floats, neighbours: int) -> tuple[Floats, float]:
-    """(2,) mean place of the most similar ones, weighted by similarity; and the sum of weights."""
-    place, weight = np.zeros(2), 0.0
+def _mean_position(similarity: Similarities, poses: Floats, neighbours: int) -> tuple[Floats, float]:
+    """The mean position (2,) of the most similar fingerprints, weighted by similarity; and the sum of weights."""
+    position, weight = np.zeros(2), 0.0
     for j in np.argsort(-similarity, kind="mergesort")[:neighbours]:
-        place += similarity[j] * poses[j, :2]
+        position += similarity[j] * poses[j, :2]
         weight += similarity[j]
-    return place / max(weight, 1e-9), weight
+    return position / max(weight, 1e-9), weight
 
 
 @njit(cache=True)

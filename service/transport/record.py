@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.service.config import Config
 from wayfi.service.process.stop_signal import StopSignal

@@ -31,7 +31,8 @@ from wayfi.frontends.measurements import (
 from wayfi.frontends.odometry.accepted_odometry import FURTHEST_M
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.log import NullLog
-from wayfi.recordings.ros.codec import CodecError, decode, encode
+from wayfi.recordings.ros.codec import decode, encode
+from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.ros_measurements import MAX_FIELDS, MAX_NAME, MAX_TRANSFORMS
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import load_config

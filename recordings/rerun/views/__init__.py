@@ -1,1 +1,1 @@
-"""What the Rerun log shows, one view a file."""
+"""The views of the Rerun log, one in each file."""

@@ -1,4 +1,4 @@
-"""The back end in curves: residual, factors, time of a stage, calibration, state and how sure the pose is."""
+"""The back end as curves: residual, factors, time by stage, calibration, state and the sigma of the pose."""
 
 from collections.abc import Mapping
 
@@ -10,55 +10,65 @@ from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublish
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.stream import Limiter, Stream
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, VERDICT
+from wayfi.recordings.rerun.views.view import Handlers
 
 STAGES = ("scan_points", "scan_matching", "backend", "closure", "wifi")
 CALIBRATION = ("scale of distance", "scale of turning", "bias, rad/m", "bias, rad/s")
 
 
 class BackendView:
-    """Draws below `/backend`."""
+    """Draws `/backend`."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
         self._sigma_limit = Limiter(config.pose_hz / 2)
-        self._style()
+        self._log_style()
+
+    def handlers(self) -> Handlers:
+        """The method that draws each kind of event."""
+        return {
+            GraphUpdated: self.on_graph,
+            PosePublished: self.on_pose,
+            StateChanged: self.on_state,
+            CalibrationUpdated: self.on_calibration,
+        }
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Residual and factors after an update."""
+        """Draws the residual and the number of factors after an update."""
         self._scalars("residual", event.residual)
         self._scalars("factors/in_and_out", event.factors_added, -event.factors_removed)
         self._scalars("factors/total", event.factors)
 
     def on_pose(self, event: PosePublished) -> None:
-        """One sigma of the position and the heading."""
+        """Draws one sigma of the position (m) and of the heading (degrees)."""
         if self._sigma_limit.passes(event.stamp_ns):
             x, y, theta = np.sqrt(np.maximum(np.diag(event.covariance), 0.0))
             self._scalars("sigma", np.hypot(x, y), np.degrees(theta))
 
     def on_state(self, event: StateChanged) -> None:
-        """TRACKING, UNCERTAIN or LOST."""
+        """Draws the state."""
         self._stream.log("/backend/state", rr.StateChange(state=event.state.value))
 
     def on_calibration(self, event: CalibrationUpdated) -> None:
-        """The wheels' four numbers."""
+        """Draws the four parameters of the wheels' calibration."""
         self._scalars("calibration", *event.values)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Seconds by stage, shown in milliseconds; a stage that did not run is a gap."""
+        """Draws seconds by stage as milliseconds; a gap for a stage that did not run."""
         self._scalars("time", *(1e3 * durations.get(stage, np.nan) for stage in STAGES))
 
     def _scalars(self, name: str, *values: float) -> None:
         self._stream.log(f"/backend/{name}", rr.Scalars.from_fields(scalars=np.array(values, np.float64)))
 
-    def _style(self) -> None:
-        style = self._stream.style
+    def _log_style(self) -> None:
+        log_static = self._stream.log_static
         green, purple = VERDICT[Verdict.ACCEPTED], VERDICT[Verdict.REMOVED]
-        style("/backend/residual", rr.SeriesLines(names="residual of the graph", colors=[ESTIMATE]))
+        log_static("/backend/residual", rr.SeriesLines(names="residual of the graph", colors=[ESTIMATE]))
         in_and_out = rr.SeriesLines(names=["factors in", "factors out"], colors=[green, purple])
-        style("/backend/factors/in_and_out", in_and_out)
-        style("/backend/factors/total", rr.SeriesLines(names="factors", colors=[ODOMETRY]))
-        style("/backend/sigma", rr.SeriesLines(names=["sigma of position, m", "sigma of heading, °"]))
-        style("/backend/time", rr.SeriesLines(names=[f"{stage}, ms" for stage in STAGES]))
-        style("/backend/calibration", rr.SeriesLines(names=CALIBRATION))
+        log_static("/backend/factors/in_and_out", in_and_out)
+        log_static("/backend/factors/total", rr.SeriesLines(names="factors", colors=[ODOMETRY]))
+        log_static("/backend/sigma", rr.SeriesLines(names=["sigma of position, m", "sigma of heading, °"]))
+        log_static("/backend/time", rr.SeriesLines(names=[f"{stage}, ms" for stage in STAGES]))
+        log_static("/backend/calibration", rr.SeriesLines(names=CALIBRATION))
         values, colors = [s.value for s in State], [STATE[s] for s in State]
-        style("/backend/state", rr.StateConfiguration(values=values, labels=values, colors=colors))
+        log_static("/backend/state", rr.StateConfiguration(values=values, labels=values, colors=colors))

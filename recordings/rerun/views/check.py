@@ -1,4 +1,4 @@
-"""The bounded check of a candidate: its scan over the submap, before and after."""
+"""The scan-matching check of a loop candidate: the scan over the submap, before and after."""
 
 import numpy as np
 import rerun as rr
@@ -7,34 +7,39 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import CheckDone, KeyframeAdded
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, mirror, thinned
-from wayfi.recordings.rerun.style import GUESS, MATCHED, SUBMAP, ui
+from wayfi.recordings.rerun.stream import Stream, downsampled, flip_y
+from wayfi.recordings.rerun.style import GUESS, MATCHED, SUBMAP, screen_radius
+from wayfi.recordings.rerun.views.view import Handlers
 
 
 class CheckView:
-    """Draws `/check/scans` in base_link of keyframe a, and the inlier ratios below `/check/inlier_ratio`."""
+    """Draws `/check/scans`, in base_link of keyframe a, `/check/inlier_ratio` and `/check/result`."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
-        self._most = config.scan_points
-        stream.style("/check/scans", mirror())
+        self._scan_points = config.scan_points
+        stream.log_static("/check/scans", flip_y())
         for name, color, order in (("submap", SUBMAP, 1.0), ("before", GUESS, 2.0), ("after", MATCHED, 2.0)):
-            points = rr.Points2D.from_fields(colors=[color], radii=[ui(1.8)], draw_order=order)
-            stream.style(f"/check/scans/{name}", points)
-        stream.style("/check/inlier_ratio/closure", rr.SeriesPoints(names="of a candidate", colors=[MATCHED]))
-        stream.style("/check/inlier_ratio/matching", rr.SeriesLines(names="of scan matching", colors=[SUBMAP]))
+            points = rr.Points2D.from_fields(colors=[color], radii=[screen_radius(1.8)], draw_order=order)
+            stream.log_static(f"/check/scans/{name}", points)
+        stream.log_static("/check/inlier_ratio/closure", rr.SeriesPoints(names="of a candidate", colors=[MATCHED]))
+        stream.log_static("/check/inlier_ratio/matching", rr.SeriesLines(names="of scan matching", colors=[SUBMAP]))
+
+    def handlers(self) -> Handlers:
+        """The method that draws each kind of event."""
+        return {CheckDone: self.on_check, KeyframeAdded: self.on_keyframe}
 
     def on_check(self, event: CheckDone) -> None:
-        """The newest check."""
-        self._points("submap", thinned(event.submap, 2 * self._most))
-        scan = thinned(event.scan, self._most).astype(np.float64)
+        """Draws the newest check."""
+        self._points("submap", downsampled(event.submap, 2 * self._scan_points))
+        scan = downsampled(event.scan, self._scan_points).astype(np.float64)
         self._points("before", event.T_a_b_guess.transform(scan))
         self._points("after", event.T_a_b.transform(scan))
         self._stream.log("/check/inlier_ratio/closure", rr.Scalars.from_fields(scalars=[event.inlier_ratio]))
         self._stream.log("/check/result", rr.TextDocument(_summary(event), media_type="text/markdown"))
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """The inlier ratio of the keyframe's scan matching."""
+        """Draws the inlier ratio of the keyframe's scan matching."""
         if np.isfinite(event.inlier_ratio):
             self._stream.log("/check/inlier_ratio/matching", rr.Scalars.from_fields(scalars=[event.inlier_ratio]))
 

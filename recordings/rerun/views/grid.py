@@ -1,4 +1,4 @@
-"""The occupancy grid as a picture that lies in the map."""
+"""The occupancy grid as an image in the map."""
 
 import numpy as np
 import rerun as rr
@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.stream import Stream
+from wayfi.recordings.rerun.views.view import Handlers
 
 UNKNOWN, FREE, OCCUPIED = 13, 38, 225
-LEVELS = 33  # few greys, so that the file stays small
-MOST_PIXELS = 1_000_000  # a viewer holds every picture of a drive, unpacked (a series of PNGs must not change its size)
+LEVELS = 33  # few greys keep the file small
+MAX_PIXELS = 1_000_000  # a viewer keeps all images of a drive in memory, uncompressed
 
 
 def _greys() -> NDArray[np.uint8]:
@@ -22,7 +23,7 @@ GREYS = _greys()
 
 
 class GridView:
-    """Draws `/map/grid`: the larger it is, the less often and the coarser; the last one always, and in full."""
+    """Draws `/map/grid`: a larger grid less often and coarser, but the last one at full resolution."""
 
     def __init__(self, stream: Stream, config: RerunConfig) -> None:
         self._stream = stream
@@ -30,23 +31,27 @@ class GridView:
         self._next_ns: int | None = None
         self._waiting: GridRedrawn | None = None
 
+    def handlers(self) -> Handlers:
+        """The method that draws each kind of event."""
+        return {GridRedrawn: self.on_grid}
+
     def on_grid(self, event: GridRedrawn) -> None:
-        """Draw it if the last one is long enough ago for its size."""
-        cells = int(np.ceil(np.sqrt(event.occupancy.size / MOST_PIXELS)))
+        """Draws the grid if enough time has passed since the last one, considering its size."""
+        cells = int(np.ceil(np.sqrt(event.occupancy.size / MAX_PIXELS)))
         self._waiting = event
         if event.occupancy.size and (self._next_ns is None or event.stamp_ns >= self._next_ns):
             self._next_ns = event.stamp_ns + int(1e9 * event.occupancy.size / self._cells_per_s)
             self._waiting = None if cells == 1 else event
             self._draw(event, cells)
 
-    def draw_waiting(self) -> None:
-        """Draw in full what was held back, or drawn coarser, if anything."""
+    def draw_last(self) -> None:
+        """Draws the last grid at full resolution, unless it has been drawn so."""
         if self._waiting is not None and self._waiting.occupancy.size:
             self._draw(self._waiting, 1)
         self._waiting = None
 
     def _draw(self, event: GridRedrawn, cells: int) -> None:
-        """A pixel is the likeliest occupied of `cells` x `cells`."""
+        """Draws each block of `cells` x `cells` as one pixel: the highest occupancy in it."""
         levels = (event.occupancy * (LEVELS - 1) + 0.5).astype(np.uint8)
         if cells > 1:
             edges = [(0, -size % cells) for size in levels.shape]

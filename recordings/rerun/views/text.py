@@ -1,4 +1,4 @@
-"""Every verdict with its reason, state changes, warnings and drops, in words."""
+"""The text log: every verdict with its reason, state changes, warnings and drops."""
 
 from collections import Counter
 
@@ -10,42 +10,52 @@ from wayfi.frontends.events import ClosureJudged, Dropped, DropReason, StateChan
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.rerun.stream import Stream
 from wayfi.recordings.rerun.style import STATE, VERDICT, Color
+from wayfi.recordings.rerun.views.view import Handlers
 
-READABLE_REFUSED: Color = (225, 130, 85)
+REFUSED_TEXT: Color = (225, 130, 85)
 WARNING: Color = (255, 165, 40)
 
 
-class TextLog:
+class TextView:
     """Writes `/log/verdicts`, `/log/state`, `/log/warnings` and `/log/drops`."""
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
         self._drops: Counter[tuple[Sensor, DropReason]] = Counter()
 
+    def handlers(self) -> Handlers:
+        """The method that draws each kind of event."""
+        return {
+            ClosureJudged: self.on_closure,
+            StateChanged: self.on_state,
+            Warned: self.on_warning,
+            Dropped: self.on_drop,
+        }
+
     def on_closure(self, event: ClosureJudged) -> None:
-        """The verdict on a candidate, and why."""
-        color = READABLE_REFUSED if event.verdict is Verdict.REFUSED else VERDICT[event.verdict]
+        """Writes the verdict on a candidate and its reason."""
+        color = REFUSED_TEXT if event.verdict is Verdict.REFUSED else VERDICT[event.verdict]
         level = "WARN" if event.verdict is Verdict.REMOVED else "INFO"
         self._line("verdicts", _verdict(event), level, color)
 
     def on_state(self, event: StateChanged) -> None:
-        """A change of state, and why."""
+        """Writes a change of state and its reason."""
         level = "INFO" if event.state is State.TRACKING else "WARN"
         self._line("state", f"{event.state.value}: {event.reason}", level, STATE[event.state])
 
     def on_warning(self, event: Warned) -> None:
-        """A warning as it stands in the report."""
+        """Writes a warning, with the text of the report."""
         self._line("warnings", event.text, "WARN", WARNING)
 
     def on_drop(self, event: Dropped) -> None:
-        """The 1st, 10th, 100th, ... of its kind: a broken sensor must not fill the log."""
+        """Writes the 1st, 10th, 100th, ... drop of its kind, so that a broken sensor does not fill the log."""
         kind = (event.sensor, event.reason)
         self._drops[kind] += 1
         if _is_power_of_ten(self._drops[kind]):
             self._line("drops", self._drop(kind), "DEBUG", None)
 
     def log_totals(self) -> None:
-        """How many were dropped of each kind, in the end."""
+        """Writes the final number of drops of each kind."""
         for kind, count in self._drops.items():
             if not _is_power_of_ten(count):
                 self._line("drops", self._drop(kind), "DEBUG", None)

@@ -1,4 +1,4 @@
-"""What WiFi says: the APs heard, which earlier fingerprints are similar, and the two sequences of a candidate."""
+"""WiFi: the APs of the newest fingerprint, similar earlier fingerprints, and the sequences of a candidate."""
 
 import numpy as np
 import rerun as rr
@@ -8,14 +8,15 @@ from wayfi.backend.pose2 import Floats, compose_all
 from wayfi.frontends.events import FingerprintAdded, SequenceMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, mirror, segments
-from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, ui
+from wayfi.recordings.rerun.stream import Limiter, Stream, flip_y, segments
+from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
+from wayfi.recordings.rerun.views.view import Handlers
 
-MOST_SIMILAR = 256  # the similarity is shown to so many earlier fingerprints: the log stays linear
-STRONGEST = 12
+SIMILAR_SHOWN = 256  # most similar earlier fingerprints; a bound keeps the log linear in the drive
+APS_LISTED = 12
 FLOOR_DBM = -100.0
-UNLIKE, ALIKE = np.array([40.0, 55.0, 80.0]), np.array([255.0, 215.0, 60.0])
+DISSIMILAR_COLOR, SIMILAR_COLOR = np.array([40.0, 55.0, 80.0]), np.array([255.0, 215.0, 60.0])
 
 
 class WifiView:
@@ -28,11 +29,15 @@ class WifiView:
         self._number_of_ap: dict[str, int] = {}
         self._keyframe_of: list[int] = []
         self._T_keyframe_base = Poses()
-        self._style()
+        self._log_style()
+
+    def handlers(self) -> Handlers:
+        """The method that draws each kind of event."""
+        return {FingerprintAdded: self.on_fingerprint, SequenceMatched: self.on_sequences}
 
     def on_fingerprint(self, event: FingerprintAdded) -> None:
-        """The newest fingerprint."""
-        self._remember_place(event)
+        """Draws the newest fingerprint and its similarity to earlier ones."""
+        self._store_position(event)
         for bssid in event.bssids:
             self._number_of_ap.setdefault(bssid, len(self._number_of_ap))
         if self._limit.passes(event.stamp_ns):
@@ -40,7 +45,7 @@ class WifiView:
             self._draw_similarity(event)
 
     def on_sequences(self, event: SequenceMatched) -> None:
-        """The two sequences of the last candidate, each pair joined by a line."""
+        """Draws the two sequences of the last candidate, and a line between each pair of fingerprints."""
         for name, points in (("a", event.points_a), ("b", event.points_b)):
             parts = (
                 rr.LineStrips2D.from_fields(strips=arrows.strips([points])),
@@ -60,12 +65,12 @@ class WifiView:
 
     def _table(self, event: FingerprintAdded) -> str:
         title = f"Fingerprint {event.fingerprint}, receiver `{event.receiver}`: {len(event.bssids)} APs"
-        order = np.argsort(-np.nan_to_num(event.rssi, nan=-np.inf), kind="stable")[:STRONGEST]
+        order = np.argsort(-np.nan_to_num(event.rssi, nan=-np.inf), kind="stable")[:APS_LISTED]
         rows = [f"| {self._number_of_ap[event.bssids[i]]} | {event.bssids[i]} | {event.rssi[i]:.0f} |" for i in order]
         return "\n".join([title, "", "| AP | BSSID | dBm |", "|--:|---|--:|", *rows])
 
     def _draw_similarity(self, event: FingerprintAdded) -> None:
-        best = np.argsort(-event.similarity, kind="stable")[:MOST_SIMILAR]
+        best = np.argsort(-event.similarity, kind="stable")[:SIMILAR_SHOWN]
         best = best[np.argsort(event.similar_to[best])]
         numbers, similarity = event.similar_to[best], event.similarity[best].astype(np.float32)
         if len(numbers):
@@ -74,37 +79,40 @@ class WifiView:
             )
             self._stream.log("/wifi/similarity", chart)
         by_similarity = np.argsort(similarity, kind="stable")
-        places = self._where(numbers[by_similarity])
-        points = rr.Points2D.from_fields(positions=arrows.points(places), colors=_shade(similarity[by_similarity]))
+        places = self._positions(numbers[by_similarity])
+        points = rr.Points2D.from_fields(positions=arrows.points(places), colors=_colors(similarity[by_similarity]))
         self._stream.log("/wifi/places/similar", points)
-        here = self._where(np.array([event.fingerprint]))
+        here = self._positions(np.array([event.fingerprint]))
         self._stream.log("/wifi/places/here", rr.Points2D.from_fields(positions=arrows.points(here)))
 
-    def _remember_place(self, event: FingerprintAdded) -> None:
+    def _store_position(self, event: FingerprintAdded) -> None:
         missing = event.fingerprint + 1 - len(self._keyframe_of)
         self._keyframe_of.extend([event.keyframe] * missing)
         self._T_keyframe_base.put(event.fingerprint, event.T_keyframe_base)
 
-    def _where(self, fingerprints: NDArray[np.int64]) -> Floats:
-        """(n, 2) m in `map`, as believed now."""
+    def _positions(self, fingerprints: NDArray[np.int64]) -> Floats:
+        """(n, 2) current positions of `fingerprints` (n,) in `map`, m."""
         T_map_keyframe = self._poses.array()[np.array(self._keyframe_of)[fingerprints]]
         return compose_all(T_map_keyframe, self._T_keyframe_base.array()[fingerprints])[:, :2]
 
-    def _style(self) -> None:
+    def _log_style(self) -> None:
         for root in ("/wifi/places", "/wifi/sequences"):
-            self._stream.style(root, mirror())
-        self._stream.style("/wifi/places/similar", rr.Points2D.from_fields(radii=[ui(3.0)], draw_order=5.0))
-        here = rr.Points2D.from_fields(colors=[HERE], radii=[ui(5.0)], draw_order=6.0)
-        self._stream.style("/wifi/places/here", here)
+            self._stream.log_static(root, flip_y())
+        self._stream.log_static(
+            "/wifi/places/similar", rr.Points2D.from_fields(radii=[screen_radius(3.0)], draw_order=5.0)
+        )
+        here = rr.Points2D.from_fields(colors=[HERE], radii=[screen_radius(5.0)], draw_order=6.0)
+        self._stream.log_static("/wifi/places/here", here)
         for name, color in (("a", SEQUENCE_A), ("b", SEQUENCE_B)):
-            lines = rr.LineStrips2D.from_fields(colors=[color], radii=[ui(1.0)], draw_order=8.0)
-            points = rr.Points2D.from_fields(colors=[color], radii=[ui(2.5)], draw_order=9.0)
-            self._stream.style(f"/wifi/sequences/{name}", lines, points)
-        pairs = rr.LineStrips2D.from_fields(colors=[PAIRING], radii=[ui(0.5)], draw_order=7.0)
-        self._stream.style("/wifi/sequences/pairs", pairs)
+            lines = rr.LineStrips2D.from_fields(colors=[color], radii=[screen_radius(1.0)], draw_order=8.0)
+            points = rr.Points2D.from_fields(colors=[color], radii=[screen_radius(2.5)], draw_order=9.0)
+            self._stream.log_static(f"/wifi/sequences/{name}", lines, points)
+        pairs = rr.LineStrips2D.from_fields(colors=[PAIRING], radii=[screen_radius(0.5)], draw_order=7.0)
+        self._stream.log_static("/wifi/sequences/pairs", pairs)
 
 
-def _shade(similarity: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(n, 3) colours, from unlike (0) to alike (1)."""
-    shade: NDArray[np.float64] = UNLIKE + np.clip(similarity, 0, 1)[:, None] * (ALIKE - UNLIKE)
-    return np.rint(shade).astype(np.uint8)
+def _colors(similarity: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(n, 3) colours of similarities (n,) from 0 to 1."""
+    share = np.clip(similarity, 0, 1)[:, None]
+    colors: NDArray[np.float64] = DISSIMILAR_COLOR + share * (SIMILAR_COLOR - DISSIMILAR_COLOR)
+    return np.rint(colors).astype(np.uint8)

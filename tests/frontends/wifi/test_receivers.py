@@ -142,7 +142,7 @@ def test_the_phones_of_a_simulated_drive_are_told_apart_to_a_decibel(seed: int) 
     receivers, path_m = Receivers(CONFIG, {}), run.truth.path_m()
     for scan in wifi_scans(run):
         receivers.learn(scan.receiver, float(np.interp(scan.stamp_ns, run.truth.stamps_ns, path_m)), plain(scan))
-    true_db = {phone.name: phone.offset_db for phone in run.phones}
+    true_db = {phone.name: phone.offset_db for phone in run.receivers}
     first, second = receivers.offsets
     found = receivers.offsets[second]
     assert abs(found.offset_db - (true_db[second] - true_db[first])) < 1.0

@@ -60,7 +60,7 @@ def test_the_file_holds_each_name_with_value_and_sigma(tmp_path: Path) -> None:
 
 
 def test_a_file_without_receivers_is_a_calibration_of_the_wheels() -> None:
-    assert parse_calibration(GOOD[: GOOD.index("# How many dB")], "here").receivers == {}
+    assert parse_calibration(GOOD[: GOOD.index("[receivers]")], "here").receivers == {}
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_a_file_without_receivers_is_a_calibration_of_the_wheels() -> None:
         GOOD.replace("-1.5", "inf"),
         GOOD.replace("sigma_db = 0.5", "sigma_db = -0.5"),
         GOOD.replace("sigma_db", "spread"),
-        "receivers = 3\n" + GOOD[: GOOD.index("# How many dB")],
+        "receivers = 3\n" + GOOD[: GOOD.index("[receivers]")],
     ],
 )
 def test_what_is_no_calibration_is_refused_in_one_line_that_names_the_file(tmp_path: Path, text: str) -> None:

@@ -4,9 +4,6 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from wayfi.backend.grid.grid_map import MapConfig
@@ -14,7 +11,6 @@ from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.recordings.files.atomic_files import write_bytes, write_text
 from wayfi.recordings.files.map_files import write_map
 from wayfi.recordings.files.map_picture import map_png
-from wayfi.recordings.files.png import png
 
 CONFIG = MapConfig()
 
@@ -97,11 +93,6 @@ def test_single_rays_through_a_window_do_not_shrink_the_picture() -> None:
     evidence[50, 100:] = -1
     evidence[100:, 50] = -1
     assert map_png(OccupancyGrid(evidence, 0.05, (0.0, 0.0))) == room
-
-
-@given(arrays(np.uint8, st.tuples(st.integers(1, 30), st.integers(1, 30), st.just(3))))
-def test_a_png_holds_the_pixels_it_was_given(pixels: NDArray[np.uint8]) -> None:
-    np.testing.assert_array_equal(pixels_of(png(pixels)), pixels)
 
 
 def test_the_same_grid_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from wayfi.backend.grid.grid_map import MapConfig
 from wayfi.frontends.events import GridRedrawn
-from wayfi.recordings.files.map_files import write_drawn
+from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.files.trinary_grid import FREE, OCCUPIED, UNKNOWN, MapError, read_map, trinary
 
 OCCUPANCY = np.array([[0.1, 0.5, 0.9], [0.65, 0.25, 0.3]], np.float32)
@@ -21,7 +21,7 @@ def test_the_thresholds_decide() -> None:
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    write_drawn(tmp_path, GridRedrawn(0, OCCUPANCY, 0.05, ORIGIN), MapConfig())
+    write_grid(tmp_path, GridRedrawn(0, OCCUPANCY, 0.05, ORIGIN), MapConfig())
     grid = read_map(tmp_path)
     np.testing.assert_array_equal(grid.cells, trinary(OCCUPANCY, 0.05, ORIGIN, MapConfig()).cells)
     assert (grid.resolution_m, grid.origin_xy_m) == (0.05, ORIGIN)
@@ -40,7 +40,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_map_is_said(file: str, content: bytes, tmp_path: Path) -> None:
-    write_drawn(tmp_path, GridRedrawn(0, OCCUPANCY, 0.05, ORIGIN), MapConfig())
+    write_grid(tmp_path, GridRedrawn(0, OCCUPANCY, 0.05, ORIGIN), MapConfig())
     (tmp_path / file).write_bytes(content)
     with pytest.raises(MapError, match=r"map\.pgm and map\.yaml are no map of wayfi"):
         read_map(tmp_path)

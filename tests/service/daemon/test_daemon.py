@@ -43,7 +43,8 @@ from wayfi.frontends.measurements import Sensor, StaticTransforms
 from wayfi.frontends.wifi.receivers import ReceiverOffset
 from wayfi.recordings.files.calibration_file import write_calibration
 from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.recording import McapWriter, open_recording
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.messages import (
     NS_PER_S,

@@ -40,7 +40,8 @@ from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiS
 from wayfi.frontends.odometry.odometry_config import ClockConfig
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part, parts_of
-from wayfi.recordings.mcap.recording import McapWriter, open_recording
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.recordings.simulation.run import EPOCH_NS
 from wayfi.recordings.simulation.worlds import World

@@ -16,7 +16,8 @@ from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import Result
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
-from wayfi.recordings.mcap.recording import Record, open_recording
+from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds import World

@@ -19,7 +19,8 @@ from rerun.chunk import RrdReader
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.files.tables import CLOSURE_COLUMNS, RADIO_COLUMNS, read_closures
 from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.recording import McapWriter, open_recording
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.service.config import Config, config_toml, load_config
 
 REPORT_KEYS = {

@@ -15,7 +15,7 @@ import pytest
 import zenoh
 from loopback import CLI, Authority, eventually, free_port, secret
 
-from wayfi.recordings.mcap.recording import McapWriter
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import ODOMETRY
 from wayfi.service.config import SecurityConfig, ZenohConfig, config_toml, load_config
 from wayfi.service.transport.zenoh_security import SecurityError

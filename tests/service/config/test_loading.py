@@ -1,111 +1,20 @@
-"""One frozen configuration: what is unknown is refused by name, what is printed can be read back."""
+"""What is unknown or impossible is refused by name; files override defaults, and settings override files."""
 
-import math
-from collections.abc import Iterator
-from dataclasses import FrozenInstanceError, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from configurations import at
 from places import DEPLOY
 
 from wayfi.backend.errors import WayfiError
-from wayfi.service.config import Config, ConfigError, config_dict, config_of, config_toml, load_config
-
-
-def options(section: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:  # noqa: ANN401 - any section
-    """Path, field and value of every option below a section."""
-    for f in fields(section):
-        value = getattr(section, f.name)
-        if is_dataclass(value):
-            yield from options(value, f"{path}{f.name}.")
-        else:
-            yield f"{path}{f.name}", f, value
-
-
-OPTIONS = list(options(Config()))
-NUMBERS = [path for path, _, value in OPTIONS if isinstance(value, float)]
-
-
-def at(config: Config, path: str) -> Any:  # noqa: ANN401 - any value of the configuration
-    value: Any = config
-    for part in path.split("."):
-        value = getattr(value, part)
-    return value
+from wayfi.service.config import Config, ConfigError, config_of, load_config
 
 
 def file(tmp_path: Path, text: str, name: str = "c.toml") -> Path:
     path = tmp_path / name
     path.write_text(text)
     return path
-
-
-@pytest.mark.parametrize(("path", "field"), [(path, f) for path, f, _ in OPTIONS], ids=[path for path, _, _ in OPTIONS])
-def test_every_option_has_a_unit_and_the_reason_for_its_default(path: str, field: Any) -> None:  # noqa: ANN401
-    assert isinstance(field.metadata["unit"], str), path
-    assert len(field.metadata["why"]) > 5, path
-
-
-def test_the_sections_are_those_promised() -> None:
-    sections = {f.name for f in fields(Config)}
-    assert sections >= {"odometry", "lidar", "wifi", "closure", "backend", "map", "rerun", "zenoh", "recording"}
-    assert Config().lidar.enabled
-    assert Config().wifi.enabled
-
-
-def test_the_configuration_is_frozen_and_its_lists_are_its_own() -> None:
-    with pytest.raises(FrozenInstanceError):
-        Config().wifi.enabled = False  # type: ignore[misc]
-    assert Config().zenoh.listen is not Config().zenoh.listen
-
-
-# Round trips
-
-
-@pytest.mark.parametrize("explain", [False, True])
-def test_what_is_printed_can_be_read_back(tmp_path: Path, explain: bool) -> None:
-    settings_ = [
-        "lidar.enabled=false",
-        "lidar.mount=[0.1, 0.2, 1e-05]",
-        "closure.consensus.steps=11",
-        "zenoh.prefix=robot/1",
-    ]
-    config = load_config(settings=settings_)
-    assert load_config([file(tmp_path, config_toml(config, explain))]) == config
-    assert load_config([file(tmp_path, config_toml(Config(), explain))]) == Config()
-
-
-@settings(deadline=None, max_examples=60)
-@given(st.sampled_from(NUMBERS), st.floats(1e-300, 1e300, allow_infinity=False))
-def test_every_number_comes_back_to_the_bit(path: str, value: float) -> None:
-    config = load_config(settings=[f"{path}={value!r}"])
-    assert at(config, path) == value
-    assert load_config(base_toml=config_toml(config)) == config
-
-
-PRINTABLE = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=20)
-
-
-@settings(deadline=None, max_examples=60)
-@given(PRINTABLE, st.lists(PRINTABLE, max_size=3))
-def test_every_text_comes_back(prefix: str, listen: list[str]) -> None:
-    config = config_of({"zenoh": {"prefix": prefix, "listen": listen}})
-    assert load_config(base_toml=config_toml(config)) == config
-
-
-def test_an_explained_configuration_names_units_and_reasons() -> None:
-    text = config_toml(Config(), explain=True)
-    assert "# [dBm]" in text or "# [dB] the paper's sigma^2 = 36 dB^2" in text
-    assert text.count("\n#") >= len(OPTIONS) - 1
-
-
-def test_the_configuration_as_mappings_makes_the_same_again() -> None:
-    assert config_of(config_dict(Config())) == Config()
-
-
-# Precedence and words
 
 
 def test_defaults_give_way_to_files_and_files_to_settings(tmp_path: Path) -> None:
@@ -186,6 +95,7 @@ def test_a_file_that_is_missing_or_no_toml_is_refused_by_name(tmp_path: Path) ->
     "setting",
     [
         *("lidar.cell_m=0.0", "map.resolution_m=-1.0", "lidar.icp.sigma_m=nan", "lidar.mount=[1.0, 2.0]"),
+        *("lidar.mount=[1.0, inf, 0.0]", "recording.directory=a\udcff", 'zenoh.listen=["\udcff"]'),
         *("zenoh.odom_queue=0", "zenoh.scan_queue=-1", "rerun.port=0", "rerun.port=65536"),
     ],
 )
@@ -197,7 +107,3 @@ def test_a_value_that_nothing_could_run_with_is_refused_by_name(setting: str) ->
 def test_the_example_for_a_robot_is_a_configuration() -> None:
     example = DEPLOY / "robot.toml"
     assert load_config([example]).recording.directory == "/var/lib/wayfi"
-
-
-def test_defaults_are_finite() -> None:
-    assert all(math.isfinite(value) for _, _, value in OPTIONS if isinstance(value, float))

@@ -1,98 +1,19 @@
-"""`wayfi reproduce`: what its tables hold, what it writes, says and refuses."""
+"""`wayfi reproduce`: its files, its summary, and what is refused."""
 
 import csv
 import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from conftest import Replayed
-from drives import SECOND_NS, Simulated, ate_m, write
+from drives import Simulated, ate_m, write
 from typer.testing import CliRunner, Result
 
-from wayfi.backend.pose2 import between_all, compose_all
 from wayfi.frontends.measurements import LaserScan, Measurement, WifiScan
 from wayfi.recordings.files.tum import read_tum, write_tum
-from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.cli.app import app
-from wayfi.service.reproduction import paper_figures
-from wayfi.service.reproduction.methods import Method, Stage
-from wayfi.service.reproduction.sweep_figures import SweepFigures, closure_errors
-from wayfi.service.reproduction.tables import (
-    Row,
-    Table,
-    figure_text,
-    method_table,
-    stage_table,
-    sweep_table,
-    write_tables,
-)
-
-# The tables
-
-
-def test_closures_are_scored_against_the_truth() -> None:
-    poses = np.random.default_rng(0).uniform(-3.0, 3.0, (144, 3))
-    truth = Trajectory(np.arange(144, dtype=np.int64) * SECOND_NS, poses)
-    stamps_ns = truth.stamps_ns[np.array([(0, 100), (5, 60), (7, 90)])]
-    true = between_all(truth.at(stamps_ns[:, 0]), truth.at(stamps_ns[:, 1]))
-    off = compose_all(true, np.array([[0.3, 0.4, 0.1], [0.0, 1.5, -0.3], [0.0, 0.0, 0.0]]))
-    assert closure_errors(stamps_ns, off, truth) == pytest.approx((2.0 / 3, 0.4 / 3))
-    claimed = np.array([True, False, True])
-    assert closure_errors(stamps_ns, off, truth, claimed) == pytest.approx((2.0 / 3, 0.05))
-    assert closure_errors(stamps_ns + 10**15, off, truth) == (None, None)
-
-
-def three_tables() -> list[Table]:
-    figures = {value: SweepFigures(value, 0.125 * value, None, 1 / 3, 2.5) for value in paper_figures.WINDOWS}
-    streaming = SweepFigures(7, 0.5, 0.25, None, 0.75)
-    seconds = {Stage.WIFI_CLOSURES: 1.5, Stage.FIRST_OPTIMISATION: 0.25, Stage.TWO_FIFTHS: 9.0}
-    return [
-        sweep_table("w", paper_figures.WINDOWS, figures, 80, streaming),
-        method_table({Method.ODOMETRY: 50.0, Method.WIFI: 2.0, Method.TWO_FIFTHS: 1.0}, 0.6, 0.03),
-        stage_table(seconds, 4.0, 100.0),
-    ]
-
-
-@pytest.mark.parametrize("number", range(3))
-def test_a_csv_holds_every_figure_in_full(tmp_path: Path, number: int) -> None:
-    table = three_tables()[number]
-    write_tables(tmp_path, [table])
-    with (tmp_path / table.file).open(newline="") as file:
-        head, *rows = csv.reader(file)
-    assert head == table.columns
-    read = [Row(*row[:2], *(float(figure) if figure else None for figure in row[2:])) for row in rows]
-    assert read == table.rows
-
-
-def test_the_streaming_service_stands_beside_what_it_is_compared_with() -> None:
-    sweep, methods, stages = three_tables()
-    beside = {(row.quantity, row.setting): row.streaming for row in sweep.rows if row.streaming is not None}
-    assert {setting for _, setting in beside} == {"80"}
-    assert beside["closures", "80"] == 7
-    assert {row.setting: row.streaming for row in methods.rows if row.streaming is not None} == {
-        Method.WIFI: 0.6,
-        Method.TWO_FIFTHS: 0.03,
-    }
-    assert [row.streaming for row in stages.rows] == [None, None, None, 4.0]
-
-
-def test_the_times_together_are_of_the_stages_that_the_paper_times() -> None:
-    together = three_tables()[2].rows[-1]
-    assert together.reproduction == 1.5 + 0.25
-    assert together.paper == pytest.approx(364.0 + 2.76)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, ""), (0.0, "0"), (0.0123456, "0.0123"), (2.7, "2.7"), (54.66, "54.7"), (3888.4, "3888"), (396, "396")],
-)
-def test_a_figure_has_three_digits_or_all_before_the_point(value: float | None, text: str) -> None:
-    assert figure_text(value) == text
-
-
-# The command
+from wayfi.service.reproduction.methods import Method
 
 
 def wayfi(*arguments: str | Path) -> Result:

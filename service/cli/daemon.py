@@ -1,0 +1,33 @@
+"""The command that runs the daemon."""
+
+from typing import Annotated
+
+import typer
+
+from wayfi.service.cli.options import (
+    CalibrationFile,
+    Files,
+    Json,
+    Quiet,
+    Settings,
+    calibration_of,
+    command_output,
+    configuration,
+)
+
+
+def run(
+    config: Files = None,
+    settings: Settings = None,
+    calibration: CalibrationFile = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin a new run, even where one was cut off.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run the daemon: Zenoh in, Zenoh out, black box, live Rerun; SIGINT and SIGTERM end it."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.daemon.run import run_daemon
+
+        code = run_daemon(configuration(config, settings), calibration_of(calibration), fresh, quiet)
+        output.result({"exit_code": code})
+    raise typer.Exit(code)

@@ -1,0 +1,139 @@
+"""The commands that make, show or use a recording: simulate, inspect, replay, publish, record; and the demo."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wayfi.backend.errors import WayfiError
+from wayfi.service.cli.options import (
+    CalibrationFile,
+    Files,
+    Json,
+    Quiet,
+    RecordingPath,
+    Settings,
+    command_output,
+    configuration,
+    playback_rate,
+)
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the recording and the replay.")] = Path("demo_out"),
+    minutes: Annotated[float, typer.Option(min=0.5, help="How much of the drive; the whole takes 43.")] = 6.0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate the paper's car park, replay it, score it, and say where to look."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.cli.demo import run_demo
+
+        run_demo(out, minutes, output)
+
+
+def replay(
+    recording: RecordingPath,
+    out: Annotated[Path, typer.Option(help="Folder for the results; made if need be.")],
+    rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "max",
+    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave session.rrd out.")] = False,
+    config: Files = None,
+    settings: Settings = None,
+    calibration: CalibrationFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run a recording through the pipeline: trajectory, map, closures and a scrubbable .rrd."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.cli.summaries import print_replay
+        from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
+
+        options = ReplayOptions(out, playback_rate(rate), not no_rrd)
+        with output.progress(f"replay {recording}") as progress:
+            configured, prior = settings_for(recording, config or (), settings or (), calibration)
+            report = replay(recording, configured, prior, options, progress)
+        print_replay(output, out, report)
+
+
+def simulate(
+    world: Annotated[str, typer.Argument(help="carpark, office, warehouse or campus.")],
+    out: Annotated[Path, typer.Option(help="Folder for recording.mcap and truth.tum.")],
+    seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,
+    rough: Annotated[bool, typer.Option("--rough/--ideal", help="Sensors as they are, or at their best.")] = True,
+    points: Annotated[bool, typer.Option("--points", help="A 16-beam 3D LiDAR in place of the planar one.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a recording of a simulated robot, and its true trajectory beside it."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.recordings.simulation.recorder import simulate
+        from wayfi.recordings.simulation.worlds import World
+
+        if world not in list(World):
+            raise typer.BadParameter(f"there is no world {world!r}; there are {', '.join(World)}")
+        with output.progress(f"simulate {world}") as progress:
+            made = simulate(World(world), out, seed, minutes, progress, rough, points)
+        output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
+        output.result(
+            {
+                "recording": str(made.recording),
+                "truth": str(made.truth),
+                "seconds": made.duration_s,
+                "metres": made.path_length_m,
+                "messages": made.messages,
+            }
+        )
+
+
+def inspect(
+    recording: RecordingPath,
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Show what a recording holds: topics, rates, gaps, time faults, and what a replay would use."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.recordings.inspection import inspect_recording
+        from wayfi.service.cli.summaries import print_inspection
+
+        inspection = inspect_recording(recording, configuration(config, settings).recording.topics)
+        print_inspection(output, inspection)
+        if not inspection.usable:
+            raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")
+
+
+def publish(
+    recording: RecordingPath,
+    rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "1.0",
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Put a recording onto Zenoh, as a robot would."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.replay.publish import publish_recording
+
+        with output.progress(f"publish {recording}") as progress:
+            summary = publish_recording(recording, configuration(config, settings), playback_rate(rate), progress)
+        output.say(f"{sum(summary.messages.values())} messages in {summary.seconds:.1f} s")
+        output.result(asdict(summary))
+
+
+def record(
+    out: Annotated[Path, typer.Option(help="MCAP file to write.")],
+    config: Files = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Write what sensors put on Zenoh into a recording, until Ctrl-C."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.transport.record import record_topics
+
+        summary = record_topics(out, configuration(config, settings))
+        output.say(f"{sum(summary.messages.values())} messages: {out}")
+        output.result(asdict(summary))

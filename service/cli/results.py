@@ -1,0 +1,62 @@
+"""The commands about the result of a drive: evaluate, reproduce, view."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wayfi.service.cli.options import Json, Quiet, command_output
+
+
+def evaluate(
+    directory: Annotated[Path, typer.Argument(help="Folder of a replay.")],
+    truth: Annotated[Path, typer.Option(help="Reference trajectory, TUM.")],
+    relations: Annotated[Path | None, typer.Option(help="Hand-checked relations: t1 t2 dx dy dtheta.")] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Score a replay against a reference: ATE, RPE, relations, closures, covariances; with plots."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.cli.summaries import print_evaluation
+        from wayfi.service.evaluation.evaluate import evaluate, write_evaluation
+        from wayfi.service.evaluation.plots import write_plots
+
+        evaluation = evaluate(directory, truth, relations)
+        write_evaluation(directory, evaluation)
+        write_plots(directory, evaluation)
+        print_evaluation(output, directory, evaluation)
+
+
+def reproduce(
+    recording: Annotated[Path | None, typer.Option(help="MCAP with WiFi; without it a car park is simulated.")] = None,
+    truth: Annotated[Path | None, typer.Option(help="Reference trajectory of the recording, TUM.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for tables and plots; made if need be.")] = Path("reproduce_out"),
+    minutes: Annotated[float | None, typer.Option(min=0.5, help="Cut the simulated drive; full scale without.")] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run the paper's Algorithm 1 as written, and print its tables beside the streaming result."""
+    if (recording is None) != (truth is None):
+        raise typer.BadParameter("--recording and --truth go together: give both or neither")
+    if recording is not None and minutes is not None:
+        raise typer.BadParameter("--minutes cuts the simulated drive; a recording is taken whole")
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.reproduction.command import reproduce, simulate_carpark
+
+        if recording is None or truth is None:
+            recording, truth = simulate_carpark(out, minutes, output)
+        reproduce(recording, truth, out, output)
+
+
+def view(
+    path: Annotated[Path, typer.Argument(help="Folder of a replay or a run, or an .rrd file.")],
+    web: Annotated[bool, typer.Option("--web", help="Serve the web viewer on 127.0.0.1.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Open a drive in the Rerun viewer."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.recordings.rerun.viewer import view
+
+        view(path, web)
+        output.result({"viewed": str(path)})

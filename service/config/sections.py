@@ -1,0 +1,75 @@
+"""The sections of the configuration: the estimation's settings and the program's, each with unit and reason."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from wayfi.backend.options import option
+from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.slam_config import SlamConfig
+from wayfi.recordings.rerun.config import RerunConfig
+
+
+@dataclass(frozen=True)
+class SecurityConfig:
+    """Authentication and access control on Zenoh. Secrets are in files, so that no run saves them; empty is off."""
+
+    user: str = option("", "", "the name with which this program logs in where it connects")
+    password_file: str = option("", "path", "the user's password and nothing else; not open to every user")
+    users_file: str = option(
+        "", "path", "lines of user:password that are admitted; with a user and no such file, nobody is"
+    )
+    root_ca: str = option(
+        "", "path", "PEM: the authority that must have signed the other side's certificate, on tls/ endpoints"
+    )
+    certificate: str = option("", "path", "PEM: this machine's own, as client and server; every client needs one")
+    key: str = option("", "path", "PEM: the certificate's private key; not open to every user")
+    access_control_file: str = option("", "path", "a Zenoh configuration, whose access_control says who may do what")
+
+
+@dataclass(frozen=True)
+class ZenohConfig:
+    """The Zenoh session of the daemon, and its input queues."""
+
+    mode: str = option("peer", "peer|client|router", "a peer needs no router; several programs connect to it")
+    listen: list[str] = option(["tcp/127.0.0.1:7447"], "endpoints", "loopback: nothing listens beyond unless told to")
+    connect: list[str] = option([], "endpoints", "a router or peers to connect to; retried until they answer")
+    prefix: str = option("", "", "before every key, to tell the robots of a fleet apart; a namespace in ROS 2")
+    ros: Literal["none", "bridge", "rmw"] = option(
+        "none", "none|bridge|rmw", "adds /tf, /map and the pose for ROS 2 behind zenoh-bridge-ros2dds or rmw_zenoh"
+    )
+    ros_domain: Annotated[int, Field(ge=0, le=232)] = option(0, "", "rmw: the ROS_DOMAIN_ID of the subscribers")
+    odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
+    scan_queue: int = option(20, "messages", "half a second at 40 Hz: after a slow step only the latest scans matter")
+    security: SecurityConfig = field(default_factory=SecurityConfig)
+
+
+@dataclass(frozen=True)
+class RecordingConfig:
+    """Input topics, and the directory of the daemon's runs."""
+
+    directory: str = option("wayfi_runs", "path", "one folder a run below the working directory")
+    part_mb: float = option(256.0, "MiB", "a part of the black box ends at this size, some hours of a planar laser")
+    part_minutes: float = option(60.0, "min", "and at this age")
+    budget_mb: float = option(20_000.0, "MiB", "of all runs together; over it the oldest files are deleted")
+    keep_free_mb: float = option(100.0, "MiB", "free space left for others; below it nothing is recorded")
+    odom: str = option("/odom", "topic", "REP 105's usual name")
+    scan: str = option("/scan", "topic", "as above")
+    points: str = option("/points", "topic", "as above")
+    wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
+    tf_static: str = option("/tf_static", "topic", "tf2's name")
+
+    @property
+    def topics(self) -> dict[Sensor, str]:
+        """The topic of each sensor."""
+        return {sensor: str(getattr(self, sensor.value)) for sensor in Sensor}
+
+
+@dataclass(frozen=True)
+class Config(SlamConfig):
+    """The whole configuration: the sections of the estimation and those of the program."""
+
+    rerun: RerunConfig = field(default_factory=RerunConfig)
+    zenoh: ZenohConfig = field(default_factory=ZenohConfig)
+    recording: RecordingConfig = field(default_factory=RecordingConfig)
