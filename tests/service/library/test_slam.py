@@ -150,6 +150,6 @@ def test_a_rerun_file_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
 def test_a_calibration_is_taken_up(tmp_path: Path) -> None:
     wayfi.Slam().finish().save(tmp_path)
     text = (tmp_path / "calibration.toml").read_text()
-    (tmp_path / "known.toml").write_text(re.sub(r"(turn_bias_rad_per_m = \{ value = )[^,]*", r"\g<1>0.02", text))
+    (tmp_path / "known.toml").write_text(re.sub(r"(turn_bias_rad_per_m = \{ ?value = )[^,]*", r"\g<1>0.02", text))
     result = wayfi.Slam(calibration=tmp_path / "known.toml").finish()
     assert 0.02 in result.calibration.wheels.values
