@@ -15,7 +15,7 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.disk import MIB
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive.control_records import ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
 CONFIG = "config.toml"
 CALIBRATION = "calibration.toml"

@@ -9,7 +9,7 @@ from wayfi.service.blackbox.blackbox import BlackBox
 from wayfi.service.blackbox.disk import free_mb, keep_budget
 from wayfi.service.config import RecordingConfig
 from wayfi.service.drive.control_records import ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
 LOOK_S = 5.0
 RETRY_S = 10.0

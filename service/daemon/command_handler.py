@@ -3,8 +3,7 @@
 from collections import deque
 
 from wayfi.service.blackbox.run_folder import RunFolder
-from wayfi.service.daemon.backlog import Backlog
-from wayfi.service.daemon.estimator_messages import Save, Saved
+from wayfi.service.daemon.estimator_messages import Backlog, Save, Saved
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.commands import Command, Name

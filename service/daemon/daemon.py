@@ -14,11 +14,10 @@ from wayfi.service.blackbox.blackbox import BlackBox
 from wayfi.service.blackbox.recorder import Recorder
 from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.config import Config
-from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.command_handler import CommandHandler
 from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.daemon.estimation import Estimation
-from wayfi.service.daemon.estimator_messages import Finish, News, Ready, Report, Saved, Start, Written
+from wayfi.service.daemon.estimator_messages import Backlog, Finish, News, Ready, Report, Saved, Start, Written
 from wayfi.service.daemon.live_publisher import LivePublisher
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.counters import Drops, merged
@@ -26,8 +25,8 @@ from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.service_manager import ServiceManager
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.transport.commands import Commands
+from wayfi.service.transport.message_queue import MessageQueue, QueueDrop, Received, limits_of
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import QueueDrop, Queues, Received, limits_of
 from wayfi.service.transport.subscribers import Subscribers
 
 IDLE_S = 0.1
@@ -54,7 +53,7 @@ class Daemon:
         self._folder = folder
         self._topics = config.recording.topics
         limits = limits_of(config.zenoh)
-        self._inbox = Queues(limits)
+        self._inbox = MessageQueue[Received](limits)
         self._backlog = Backlog(limits)
         self._diagnostics = Diagnostics(self._topics, self._inbox, self._backlog)
         self._dropped: Drops = {}
@@ -83,7 +82,7 @@ class Daemon:
             if self._is_lost:
                 self._folder.stopped()
                 return
-            self._log.info("stopping", signal=stop.name or "reset", waiting=sum(self._inbox.depths().values()))
+            self._log.info("stopping", signal=stop.name or "reset", waiting=len(self._inbox))
             self._finish()
 
     def _serve(self, subscribed: ExitStack, stop: StopSignal) -> None:
@@ -134,7 +133,7 @@ class Daemon:
         self._adopt()
         if ended and not self._finishing:
             self._begin_again()
-        if self._ready and (received := self._inbox.take(IDLE_S)):
+        if self._ready and (received := self._inbox.pop(IDLE_S)):
             self._take(received)
         elif not self._ready:
             self._inbox.wait(IDLE_S)
@@ -253,12 +252,12 @@ class Daemon:
 
     def _drain(self) -> None:
         """Let the estimation have what waits, but not for ever."""
-        while self._ready and (received := self._inbox.take(0.0)):
+        while self._ready and (received := self._inbox.pop(0.0)):
             self._take(received)
         deadline_s = time.monotonic() + DRAIN_S
-        while self._backlog.waiting and time.monotonic() < deadline_s:
+        while len(self._backlog) and time.monotonic() < deadline_s:
             self._step()
-        self._inbox.clear()
+        self._inbox.drop_messages()
         self._backlog.drop_messages()
 
     def _finish(self) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
-from wayfi.service.daemon.backlog import Backlog
+from wayfi.service.daemon.estimator_messages import Backlog
 from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.drive.timing import StageCost
+from wayfi.service.transport.message_queue import MessageQueue, Received
 from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
-from wayfi.service.transport.queues import Queues
 
 LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
 RECENT_POSES = 1000
@@ -54,7 +54,7 @@ class Latencies:
 class Diagnostics:
     """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
 
-    def __init__(self, topics: dict[Sensor, str], inbox: Queues, backlog: Backlog) -> None:
+    def __init__(self, topics: dict[Sensor, str], inbox: MessageQueue[Received], backlog: Backlog) -> None:
         self._topics = topics
         self._inbox = inbox
         self._backlog = backlog

@@ -10,10 +10,9 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 
 from wayfi.service.blackbox.recorder import Recorder
-from wayfi.service.daemon.backlog import Backlog
-from wayfi.service.daemon.estimator_messages import Finish, Ready, Report, Request, Start
+from wayfi.service.daemon.estimator_messages import Backlog, Finish, Ready, Report, Request, Start
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
 IDLE_S = 0.1
 PIPE_BYTES = 1 << 20  # some seconds of a planar laser: recorded, and on their way to an estimation that is busy
@@ -68,7 +67,7 @@ class Estimation:
     def _feed_all(self) -> None:
         try:
             while not self.ended:
-                item = self._backlog.take(IDLE_S)
+                item = self._backlog.pop(IDLE_S)
                 if item is None:
                     self._recorder.look_after()
                 else:

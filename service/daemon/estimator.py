@@ -26,8 +26,8 @@ from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
 from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
-from wayfi.service.transport.queues import Received
 
 NICER = 5  # than the daemon, whose poses come first
 PR_SET_PDEATHSIG = 1

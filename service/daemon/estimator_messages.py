@@ -9,7 +9,9 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.service.config import Config
+from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.drive.counters import Drops
+from wayfi.service.transport.message_queue import MessageQueue, Received
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,4 +76,5 @@ class News:
 
 
 Request = Save | Finish
+Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
 Report = Ready | News | Saved | Written

@@ -8,8 +8,8 @@ from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.service.daemon.diagnostics import Diagnostics
+from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import Received
 
 
 class LivePublisher:

@@ -12,7 +12,7 @@ from wayfi.recordings.mcap.recording import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.service.config import Config
 from wayfi.service.process.stop_signal import StopSignal
-from wayfi.service.transport.queues import QueueLimit, Queues, Received
+from wayfi.service.transport.message_queue import MessageQueue, QueueLimit, Received
 from wayfi.service.transport.subscribers import Subscribers
 from wayfi.service.transport.zenoh_session import RefusedError, UnreachableError, open_guest_session, patiently
 
@@ -40,19 +40,19 @@ def record_topics(out: Path, config: Config, ready: Callable[[], None] = lambda:
         return not isinstance(error, RefusedError) and not stop.requested
 
     topics = config.recording.topics
-    queues = Queues(dict.fromkeys(Sensor, LIMIT))
+    inbox = MessageQueue[Received](dict.fromkeys(Sensor, LIMIT))
     with StopSignal() as stop, ExitStack() as opened:
         connect = partial(open_guest_session, config.zenoh)
         session = opened.enter_context(patiently(connect, may_come))
         writer = opened.enter_context(McapWriter(out))
         tape = _Tape(writer, topics)
-        with Subscribers(session, config.zenoh, topics, queues):
+        with Subscribers(session, config.zenoh, topics, inbox):
             ready()
             while not stop.requested:
-                tape.write(queues.take(IDLE_S))
-        while received := queues.take(0.0):
+                tape.write(inbox.pop(IDLE_S))
+        while received := inbox.pop(0.0):
             tape.write(received)
-    dropped = {topics[sensor]: reasons for sensor, reasons in queues.dropped().items()}
+    dropped = {topics[sensor]: reasons for sensor, reasons in inbox.dropped().items()}
     return RecordSummary(tape.messages, dropped)
 
 

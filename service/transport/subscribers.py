@@ -1,5 +1,6 @@
-"""Zenoh in: callbacks that do no more than put bytes into bounded queues."""
+"""Zenoh in: callbacks that only put what they receive into a bounded queue."""
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
@@ -12,7 +13,7 @@ from wayfi.recordings.closing import Closing
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ZenohConfig
-from wayfi.service.transport.queues import QueueDrop, Queues
+from wayfi.service.transport.message_queue import MessageQueue, QueueDrop, Received
 from wayfi.service.transport.ros_keys import rmw_key_expression
 from wayfi.service.transport.zenoh_session import key_of
 
@@ -21,7 +22,7 @@ LATCHED_SAMPLES = 1  # of each publisher; a broadcaster of static transforms say
 
 
 class Subscribers(Closing):
-    """Subscribes to the `topics` of the sensors and fills `queues`; a context manager.
+    """Subscribes to the `topics` of the sensors and fills `inbox`; a context manager.
 
     A topic's own key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. Those of rmw_zenoh are
     longer, so that no message comes twice; their attachments say nothing that a message does not, and are not read.
@@ -32,9 +33,9 @@ class Subscribers(Closing):
     """
 
     def __init__(
-        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], queues: Queues
+        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], inbox: MessageQueue[Received]
     ) -> None:
-        self._queues = queues
+        self._inbox = inbox
         with ExitStack() as opened:
             for sensor, topic in topics.items():
                 key = key_of(config, topic)
@@ -51,11 +52,11 @@ class Subscribers(Closing):
         def receive(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
-            if not self._queues.fits(sensor, len(sample.payload)):
-                self._queues.refuse(sensor, QueueDrop.TOO_LARGE)
+            if not self._inbox.fits(sensor, len(sample.payload)):
+                self._inbox.refuse(sensor, QueueDrop.TOO_LARGE)
                 return
-            is_json = str(sample.encoding).startswith("application/json")
-            self._queues.put(sensor, Encoding.JSON if is_json else Encoding.CDR, sample.payload.to_bytes())
+            encoding = Encoding.JSON if str(sample.encoding).startswith("application/json") else Encoding.CDR
+            self._inbox.put(Received(sensor, encoding, sample.payload.to_bytes(), time.monotonic()))
 
         return receive
 

@@ -58,9 +58,9 @@ from wayfi.service.config import Config, ZenohConfig, load_config
 from wayfi.service.replay import publish
 from wayfi.service.replay.publish import PublishError, has_subscriber, publish_recording
 from wayfi.service.replay.replay import settings_for
+from wayfi.service.transport.message_queue import QueueDrop, Received
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import QueueDrop, Received
 from wayfi.service.transport.zenoh_session import ZenohError, key_of, open_guest_session, open_session
 
 FILES = {

@@ -49,7 +49,7 @@ from wayfi.service.blackbox.disk import KINDS, MIB, keep_budget
 from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.counters import merged
-from wayfi.service.transport.queues import QueueDrop
+from wayfi.service.transport.message_queue import QueueDrop
 
 RATE = 30.0  # times real time
 SHARE = 0.05

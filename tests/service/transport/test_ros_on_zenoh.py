@@ -29,9 +29,9 @@ from wayfi.recordings.ros.codec import decode, encode
 from wayfi.recordings.ros.messages import NS_PER_S, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ConfigError, RecordingConfig, ZenohConfig, load_config
+from wayfi.service.transport.message_queue import MessageQueue, Received, limits_of
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import Queues, limits_of
 from wayfi.service.transport.subscribers import SYNC, Subscribers
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
@@ -64,9 +64,9 @@ def rmw_attachment(number: int) -> zenoh.ZBytes:
 class Listening:
     """Subscribers as the daemon has them, and a session of a ROS 2 peer beside them."""
 
-    def __init__(self, config: ZenohConfig, queues: Queues, peer: zenoh.Session) -> None:
+    def __init__(self, config: ZenohConfig, inbox: MessageQueue[Received], peer: zenoh.Session) -> None:
         self.config = config
-        self.queues = queues
+        self.inbox = inbox
         self.peer = peer
 
     def put(self, key: str, data: bytes, **more: Any) -> None:  # noqa: ANN401 - as zenoh's put
@@ -78,7 +78,7 @@ class Listening:
         assert all(reply.ok for reply in replies)
         assert replies
         found = []
-        while received := self.queues.take(0.0):
+        while received := self.inbox.pop(0.0):
             found.append((received.sensor, received.encoding, received.data))
         return found
 
@@ -86,13 +86,13 @@ class Listening:
 @contextmanager
 def listening(prefix: str) -> Iterator[Listening]:
     config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=prefix)
-    queues = Queues(limits_of(config))
+    inbox = MessageQueue[Received](limits_of(config))
     with (
         open_session(config) as session,
-        Subscribers(session, config, RecordingConfig().topics, queues),
+        Subscribers(session, config, RecordingConfig().topics, inbox),
         open_guest_session(config) as peer,
     ):
-        yield Listening(config, queues, peer)
+        yield Listening(config, inbox, peer)
 
 
 @pytest.fixture(params=["", "bot7", "fleet/bot7"])
@@ -152,18 +152,18 @@ def test_a_malformed_attachment_does_no_harm(garbage: bytes) -> None:
 @pytest.mark.parametrize("key", ["tf_static", f"0/tf_static/{TF_TYPE}/{HASH}"])
 def test_static_transforms_said_before_are_asked_for_and_come_once(key: str) -> None:
     config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
-    queues = Queues(limits_of(config))
+    inbox = MessageQueue[Received](limits_of(config))
     with open_session(config) as session, open_guest_session(config) as one, open_guest_session(config) as two:
         early = [_latched(peer, key) for peer in (one, two)]
         for number, publisher in enumerate(early):
             publisher.put(mount(f"laser{number}"), attachment=rmw_attachment(1))
-        with Subscribers(session, config, RecordingConfig().topics, queues):
-            eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 2)
+        with Subscribers(session, config, RecordingConfig().topics, inbox):
+            eventually(lambda: inbox.depths()[Sensor.TF_STATIC] >= 2)
             early[0].put(mount("laser2"), attachment=rmw_attachment(2))
-            eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 3)
+            eventually(lambda: inbox.depths()[Sensor.TF_STATIC] >= 3)
             time.sleep(0.3)  # in which a second copy would come
     found = []
-    while received := queues.take(0.0):
+    while received := inbox.pop(0.0):
         found.append(received.data)
     assert sorted(found) == sorted(map(mount, ("laser0", "laser1", "laser2")))
     assert found[-1] == mount("laser2")
