@@ -1,4 +1,4 @@
-"""What the daemon and its estimation, a process of its own, say to each other."""
+"""The messages between the daemon and the process of its estimation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from wayfi.service.transport.message_queue import MessageQueue, Received
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The first word: what to estimate with, in which folder, and whether to go on with the drive that is in it."""
+    """The first message: the settings, the run's folder, and whether to resume the drive that is in it."""
 
     config: Config
     calibration: Calibration | None
@@ -26,9 +26,9 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """The estimation takes messages from now on; nothing that was fed to the drive so far is missing if it is `whole`.
+    """The estimation can be fed from now on. The drive is `whole` where all that it was fed so far was recovered.
 
-    `checkpoint` is the number of the drive's newest, 0 without, and `since` how many messages have come after it.
+    `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the messages after that.
     """
 
     checkpoint: int
@@ -38,12 +38,15 @@ class Ready:
 
 @dataclass(frozen=True, slots=True)
 class Save:
-    """Asks for the results of the drive so far, which goes on."""
+    """Requests the results of the drive so far, which goes on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """Asks for the end; `dropped` never came to the estimation, `report` goes into report.json as it is."""
+    """Requests the end of the drive and its results.
+
+    `dropped` counts messages that did not reach the estimation, by topic and reason; `report` is added to report.json.
+    """
 
     dropped: Mapping[str, Mapping[str, int]]
     report: Mapping[str, Any]
@@ -51,7 +54,7 @@ class Finish:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The results are in the folder, `poses` lines of trajectory; or why not. Answers Finish."""
+    """The reply to Finish: the results are in the folder, with `poses` poses; or the `error` that prevented it."""
 
     poses: int
     error: str = ""
@@ -59,22 +62,22 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """The same, of a drive that goes on. Answers Save."""
+    """The reply to Save."""
 
     written: Written
 
 
 @dataclass(slots=True)
-class News:
-    """What became known: an estimate, events, drops in all, and the map as an OccupancyGrid's bytes."""
+class Update:
+    """What is new: an estimate, all drops so far by topic and reason, events, the map as an OccupancyGrid in CDR."""
 
     estimate: Estimate | None = None
     dropped: Drops | None = None
-    complaints: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     map_cdr: bytes | None = None
 
 
 Request = Save | Finish
 Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
-Report = Ready | News | Saved | Written
+Report = Ready | Update | Saved | Written

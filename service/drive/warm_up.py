@@ -1,4 +1,4 @@
-"""A short made-up drive before the real one: what is compiled or loaded at first use is ready when the robot starts."""
+"""A short simulated drive before the real one: code that is compiled or loaded at first use is ready afterwards."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ ROOM_M = 8.0
 
 
 def warm_up(config: Config) -> None:
-    """Feed the made-up drive through a pipeline of its own, and forget it."""
+    """Feed the simulated drive to a pipeline of its own, and discard it."""
     drive = Drive(config, None, NullLog())
     for sensor, measurement in _measurements():
         drive.feed(sensor, Encoding.CDR, encode(measurement))

@@ -18,18 +18,18 @@ from wayfi.service.transport.ros_keys import rmw_key_expression
 from wayfi.service.transport.zenoh_session import key_of
 
 SYNC = "wayfi/sync"
-LATCHED_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
+LATCHED_SAMPLES = 1  # of each publisher: a message of static transforms holds all of its broadcaster's
 
 
 class Subscribers(Closing):
     """Subscribes to the `topics` of the sensors and fills `inbox`; a context manager.
 
-    A topic's own key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. Those of rmw_zenoh are
-    longer, so that no message comes twice; their attachments say nothing that a message does not, and are not read.
+    A topic's key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. The keys of rmw_zenoh are
+    longer, so that no message is received twice; their attachments hold nothing that is needed and are not read.
 
-    The callbacks run in Zenoh's own receiving threads: only so do messages of one sender keep their order over all
-    topics, and a sender that puts with congestion control BLOCK is slowed down rather than cut off. A query of
-    `wayfi/sync` is answered when all that its asker put before has been received. Raises ZenohError.
+    The callbacks run in Zenoh's receiving threads: messages of one sender keep their order over all topics, and a
+    sender with congestion control BLOCK is slowed down rather than cut off. A query of `wayfi/sync` is answered when
+    all that the same session put before has been received. Raises ZenohError.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ def _subscribe(
     sensor: Sensor,
     handler: Any,  # noqa: ANN401 - see _direct
 ) -> "zenoh.Subscriber[None] | AdvancedSubscriber[None]":
-    """A subscriber; to what is said once and kept by its publisher, one that asks for it."""
+    """A subscriber; for static transforms, which are latched, one that asks for the publishers' history."""
     if sensor is not Sensor.TF_STATIC:
         return session.declare_subscriber(keys, handler)
     history = HistoryConfig(detect_late_publishers=True, max_samples=LATCHED_SAMPLES)

@@ -264,17 +264,17 @@ def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorde
     config = load_config()
     limits = limits_of(config.zenoh)
     diagnostics = Diagnostics(config.recording.topics, MessageQueue(limits), MessageQueue(limits))
-    diagnostics.take(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
-    assert diagnostics.status({}, {}).level == OK
+    diagnostics.handle(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
+    assert diagnostics.status({}).level == OK
     lasting: dict[str, str] = {}
     for warned in wheels.with_fault(FAULTS[name][0]).warnings:
-        diagnostics.take(warned, 0.0)
+        diagnostics.handle(warned, 0.0)
         assert diagnostics.due()
         if warned.ends:
             del lasting[warned.complaint]
         else:
             lasting[warned.complaint] = warned.text
-        status = diagnostics.status({}, {})
+        status = diagnostics.status({})
         assert status.level == (WARN if lasting else OK)
         assert all(text in status.message for text in lasting.values())
         told = {key: value for key, value in status.values.items() if key.startswith("complaint.")}

@@ -29,7 +29,7 @@ from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer
 
 
-def mark(kind: ControlKind, number: int = 0) -> Record:
+def control(kind: ControlKind, number: int = 0) -> Record:
     return Record(CONTROL_TOPIC, "", "json", 0, ControlRecord(kind, number).to_json())
 
 
@@ -41,18 +41,18 @@ class Daemon:
         self.blackbox: list[Record] = []
         self._known: deque[tuple[int, int]] = deque()
         self._behind = behind
-        self._told = 0
+        self._newest = 0
 
     def feed(self, record: Record) -> None:
         """Feed one message, after what has become known of the earlier ones."""
         number = len(self.blackbox)
         while self._known and self._known[0][0] + self._behind <= number:
-            self.play(mark(ControlKind.ADOPT, self._known.popleft()[1]))
+            self.play(control(ControlKind.ADOPT, self._known.popleft()[1]))
         self.play(record)
-        told = self.replayer.live.told
-        if told != self._told:
-            self._told = told
-            self._known.append((len(self.blackbox), told))
+        newest = self.replayer.live.newest
+        if newest != self._newest:
+            self._newest = newest
+            self._known.append((len(self.blackbox), newest))
 
     def play(self, record: Record) -> None:
         """Play a record, and keep it."""
@@ -117,9 +117,9 @@ def test_what_was_done_is_done_again(drive: Recorded) -> None:
     for number, record in enumerate(drive.records):
         daemon.feed(record)
         if number % 700 == 699:
-            daemon.play(mark(ControlKind.CHECKPOINT, number))
+            daemon.play(control(ControlKind.CHECKPOINT, number))
         if number == 1500:
-            daemon.play(mark(ControlKind.AWAY, 1000))
+            daemon.play(control(ControlKind.AWAY, 1000))
     assert same(played(daemon.blackbox), daemon.replayer.drive.finish())
 
 

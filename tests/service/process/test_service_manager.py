@@ -1,4 +1,4 @@
-"""What the service manager is told, over real datagram sockets."""
+"""What the service manager is notified of, over real datagram sockets."""
 
 import os
 import secrets
@@ -36,22 +36,21 @@ def waiting(listener: socket.socket) -> list[str]:
             return received
 
 
-def test_it_is_told_each_thing_in_its_words(manager: Manager) -> None:
+def test_it_is_notified_in_its_own_words(manager: Manager) -> None:
     listener, environment = manager
     service = ServiceManager(environment)
     service.ready("waits for /odom")
-    service.status("TRACKING")
     service.stopping()
-    assert waiting(listener) == ["READY=1\nSTATUS=waits for /odom", "STATUS=TRACKING", "STOPPING=1"]
+    assert waiting(listener) == ["READY=1\nSTATUS=waits for /odom", "STOPPING=1"]
 
 
 def test_a_status_stays_one_line(manager: Manager) -> None:
     listener, environment = manager
-    ServiceManager(environment).status("one\nREADY=1")
-    assert waiting(listener) == ["STATUS=one READY=1"]
+    ServiceManager(environment).ready("one\nSTOPPING=1")
+    assert waiting(listener) == ["READY=1\nSTATUS=one STOPPING=1"]
 
 
-def test_a_sign_of_life_comes_three_times_in_the_watchdogs_time(manager: Manager) -> None:
+def test_it_is_notified_three_times_in_the_watchdogs_time(manager: Manager) -> None:
     listener, environment = manager
     service = ServiceManager(environment | {"WATCHDOG_USEC": "300000", "WATCHDOG_PID": str(os.getpid())})
     service.alive()
@@ -63,15 +62,13 @@ def test_a_sign_of_life_comes_three_times_in_the_watchdogs_time(manager: Manager
 
 
 @pytest.mark.parametrize("watchdog", [{}, {"WATCHDOG_USEC": "300000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "x"}])
-def test_without_a_watchdog_for_this_process_there_is_no_sign_of_life(
-    watchdog: dict[str, str], manager: Manager
-) -> None:
+def test_without_a_watchdog_for_this_process_alive_sends_nothing(watchdog: dict[str, str], manager: Manager) -> None:
     listener, environment = manager
     ServiceManager(environment | watchdog).alive()
     assert waiting(listener) == []
 
 
-def test_without_a_manager_nothing_is_said(manager: Manager) -> None:
+def test_without_a_manager_nothing_is_sent(manager: Manager) -> None:
     listener, _ = manager
     service = ServiceManager({})
     service.ready("")
@@ -80,23 +77,23 @@ def test_without_a_manager_nothing_is_said(manager: Manager) -> None:
     assert waiting(listener) == []
 
 
-def test_a_manager_that_is_gone_is_told_again_once_it_is_back(tmp_path: Path) -> None:
+def test_a_manager_that_was_away_is_notified_once_it_is_back(tmp_path: Path) -> None:
     path = str(tmp_path / "notify")
     service = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3"})
     service.ready("")
     service.alive()
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as listener:
         listener.bind(path)
-        service.status("TRACKING")
-        assert waiting(listener) == ["STATUS=TRACKING"]
+        service.stopping()
+        assert waiting(listener) == ["STOPPING=1"]
 
 
-def test_a_manager_that_reads_nothing_holds_nobody_up_and_is_told_again_once_it_reads(manager: Manager) -> None:
+def test_a_manager_that_reads_nothing_delays_nobody_and_is_notified_once_it_reads(manager: Manager) -> None:
     listener, environment = manager
     service = ServiceManager(environment)
-    said = 2000
-    for _ in range(said):
-        service.status("x" * 1000)
-    assert 0 < len(waiting(listener)) < said
-    service.status("TRACKING")
-    assert waiting(listener) == ["STATUS=TRACKING"]
+    sent = 2000
+    for _ in range(sent):
+        service.ready("x" * 1000)
+    assert 0 < len(waiting(listener)) < sent
+    service.stopping()
+    assert waiting(listener) == ["STOPPING=1"]
