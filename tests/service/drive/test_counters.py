@@ -1,4 +1,4 @@
-"""What a daemon counts for weeks stays small."""
+"""The counters stay small over weeks."""
 
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import StateChanged, Warned

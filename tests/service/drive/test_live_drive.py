@@ -1,4 +1,4 @@
-"""Poses published on earlier estimates, and drives that go on from a checkpoint."""
+"""Poses based on earlier estimates, and drives that resume from a checkpoint."""
 
 import pickle
 import subprocess
@@ -112,7 +112,7 @@ def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: 
     assert not np.array_equal(live.online, zero.online)
 
 
-def test_what_was_done_is_done_again(drive: Recorded) -> None:
+def test_the_black_box_gives_the_same_drive(drive: Recorded) -> None:
     daemon = Daemon(37)
     for number, record in enumerate(drive.records):
         daemon.feed(record)
@@ -143,7 +143,7 @@ def played_on(folder: Path) -> tuple[bytes, bytes]:
 
 
 @pytest.mark.parametrize("points", [False, True])
-def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path: Path, points: bool) -> None:
+def test_another_process_resumes_from_a_checkpoint_with_the_same_result(tmp_path: Path, points: bool) -> None:
     records = recorded(tmp_path / "drive", 1.0, points).records
     half = len(records) // 2
     replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
@@ -165,7 +165,7 @@ def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_pa
     assert len(result.stamps_ns) > 100
 
 
-def test_a_fault_of_ours_is_told_and_the_drive_goes_on(drive: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_is_reported_and_the_drive_goes_on(drive: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
     sound, count = Pipeline.process, 0
 
     def failing(self: Pipeline, *arguments: object) -> list[Event]:
