@@ -29,6 +29,7 @@ from wayfi.service.transport.subscribers import SYNC
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
 PREFIX = "robot7"
+ESTIMATOR = "wayfi.service.daemon.estimator"
 
 
 def accepts(endpoint: str) -> bool:
@@ -107,10 +108,14 @@ class Running:
         self.process.wait()
         return time.monotonic()
 
-    def start_again(self, *flags: str) -> None:
-        """Another process with the same settings; returns when it is ready."""
+    def launch_again(self, *flags: str) -> None:
+        """Start another process with the same settings."""
         self.process.communicate()
         self.process = _launch([*self.settings, *flags])
+
+    def start_again(self, *flags: str) -> None:
+        """Another process with the same settings; returns when it is ready."""
+        self.launch_again(*flags)
         self.wait_until_alive()
 
     def wait_until_alive(self) -> None:

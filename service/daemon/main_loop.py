@@ -1,4 +1,4 @@
-"""What the daemon does over and over: messages are published and fed, reports of the estimation are handled."""
+"""The daemon's main loop: publishes and feeds messages, and handles what the estimation reports."""
 
 import time
 

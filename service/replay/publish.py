@@ -78,10 +78,10 @@ def _connect(config: ZenohConfig, deadline_s: float) -> zenoh.Session:
     except RefusedError:
         raise
     except UnreachableError:
-        raise _nobody(config) from None
+        raise _no_listener(config) from None
 
 
-def _nobody(config: ZenohConfig) -> PublishError:
+def _no_listener(config: ZenohConfig) -> PublishError:
     where = ", ".join(config.connect or config.listen)
     return PublishError(f"nobody listens at {where}: start `wayfi run` first, or see zenoh.connect")
 
@@ -128,7 +128,7 @@ class _Outlet:
         publishers = [self._publisher(topic, Encoding.CDR) for topic in self._topics.values()]
         while not (self._daemon_is_ready() or any(map(has_subscriber, publishers))):
             if time.monotonic() > deadline_s:
-                raise _nobody(self._config)
+                raise _no_listener(self._config)
             time.sleep(POLL_S)
 
     def wait_until_received(self) -> None:

@@ -25,7 +25,7 @@ class Replayer(Protocol):
 
 
 class _Routes:
-    """Where the records' channels lead, looked up once each; what leads nowhere is kept in `unused`."""
+    """The routes of the records' channels, looked up once each; `unused` are topics without one, with the reason."""
 
     def __init__(self, drive: Drive) -> None:
         self._topics = drive.topics

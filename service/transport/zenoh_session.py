@@ -96,7 +96,7 @@ def _open(mode: str, listen: Sequence[str], connect: Sequence[str], security: Se
     if refused is None:
         raise translated
     try:
-        return _open_with(settings)  # whoever answers may have come only now
+        return _open_with(settings)  # the listener may have started only now
     except zenoh.ZError:
         raise RefusedError(f"Zenoh: {refused}") from None
 
@@ -140,7 +140,7 @@ def _refused_at(endpoints: Sequence[str], security: SecurityConfig) -> str | Non
 
 
 def _answers(endpoint: str) -> bool:
-    """Whether anybody takes a TCP connection at `endpoint`."""
+    """Whether a TCP connection to `endpoint` is accepted."""
     protocol, host, port = address_of(endpoint)
     if protocol not in ("tcp", "tls"):
         return False

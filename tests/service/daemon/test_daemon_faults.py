@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import rerun_cli
-from daemons import Robot, Running, accepts, asked_for, routing, running
+from daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
 from drives import Simulated, circling, write
 from loopback import eventually, free_port
 from runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
@@ -26,7 +26,6 @@ from wayfi.service.drive.control_records import ControlKind, ControlRecord
 RATE = 30.0  # times real time
 RERUN = Path(rerun_cli.__file__).with_name("rerun")  # not the script that starts it, which alone would stop
 GROWTH_MB = 100  # of which 16 MiB are kept for viewers that come late
-ESTIMATOR = "wayfi.service.daemon.estimator"
 
 
 def test_a_router_that_is_gone_for_a_while(minute: Simulated, tmp_path: Path) -> None:

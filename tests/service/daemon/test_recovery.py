@@ -1,16 +1,19 @@
 """A daemon that is killed resumes its run."""
 
+import os
 import random
+import signal
 import time
 from pathlib import Path
 
 import pytest
-from daemons import Robot, routing, running
+from daemons import ESTIMATOR, Robot, routing, running
 from drives import RESULT_FILES, Simulated, circling, run, write
 from kills import kill_after
 from loopback import eventually, free_port
 from runs import error_m, replays_alike
 
+from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
@@ -55,6 +58,26 @@ def test_a_checkpoint_comes_however_often_it_is_killed(tmp_path: Path) -> None:
         daemon.publish(second, None)
         eventually((daemon.folder / CHECKPOINT).exists)
         assert daemon.stop() == 0, daemon.stderr
+    assert replays_alike(daemon.folder, tmp_path / "replayed")
+
+
+def test_a_run_that_is_stopped_while_it_recovers_has_its_results(tmp_path: Path) -> None:
+    recording = write(tmp_path / "recording.mcap", circling(200))
+    with running(tmp_path / "runs") as daemon:
+        daemon.publish(recording, None)
+        time.sleep(KILLED_S)
+        daemon.kill()
+        daemon.launch_again()
+        eventually(lambda: daemon.processes(ESTIMATOR))
+        (estimator,) = daemon.processes(ESTIMATOR)
+        os.kill(estimator, signal.SIGSTOP)
+        daemon.process.send_signal(signal.SIGTERM)
+        time.sleep(0.5)  # in which the daemon requests the results
+        os.kill(estimator, signal.SIGCONT)
+        assert daemon.stop() == 0, daemon.stderr
+    assert not daemon.lines('"ready"')
+    assert len(read_tum(daemon.folder / "trajectory.tum").stamps_ns) == 200
+    assert not (daemon.folder / "running").exists()
     assert replays_alike(daemon.folder, tmp_path / "replayed")
 
 
