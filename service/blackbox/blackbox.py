@@ -5,7 +5,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
@@ -29,12 +28,10 @@ class BlackBox(Closing):
     RecordingError has not recorded.
     """
 
-    def __init__(
-        self, folder: Path, config: Config, topics: dict[Sensor, str], calibration: Calibration | None
-    ) -> None:
+    def __init__(self, folder: Path, config: Config, calibration: Calibration | None) -> None:
         self._folder = folder
         self._limits = config.recording
-        self._topics = topics
+        self._topics = config.recording.topics
         self._wall_ahead_s = time.time() - time.monotonic()
         self._attached = {CONFIG: config_toml(config)}
         if calibration is not None:

@@ -44,21 +44,21 @@ class MainLoop(Closing):
         publishers: Publishers,
         log: LogLines,
     ) -> None:
-        topics, limits = config.recording.topics, limits_of(config.zenoh)
+        limits = limits_of(config.zenoh)
         self._folder = folder
         self._publishers = publishers
         self._log = log
-        self._gap_s = folder.away_s or 0.0
+        self._gap_s = folder.away_s or 0.0  # without messages, recorded when the estimation is ready
         self.written: Written | None = None
         self.machine = StateMachine(folder.resumes)
         self.inbox = MessageQueue[Received](limits)
         self.backlog = Backlog(limits)
-        self.diagnostics = Diagnostics(topics, self.inbox, self.backlog)
+        self.diagnostics = Diagnostics(config.recording.topics, self.inbox, self.backlog)
         self.handler = CommandHandler(folder, self.backlog, self.machine, log)
         self._live = LivePublisher(config, calibration, publishers, self.diagnostics)
         self._status = StatusReporter(publishers, self.diagnostics, log)
         self._recorder = Recorder(
-            lambda: BlackBox(folder.path, config, topics, calibration), folder.path, config.recording, self._warn
+            lambda: BlackBox(folder.path, config, calibration), folder.path, config.recording, self._warn
         )
         start = Start(config, calibration, folder.path, folder.resumes)
         self.estimation = Supervisor(start, self.backlog, self._recorder, self.inbox.wake)

@@ -3,20 +3,19 @@
 import os
 import socket
 import time
-from collections.abc import Mapping
 from contextlib import suppress
 
 
 class ServiceManager:
-    """Sends datagrams to the socket that NOTIFY_SOCKET names in `environment`; without one, does nothing.
+    """Sends datagrams to the socket that the environment names in NOTIFY_SOCKET; without one, does nothing.
 
     What cannot be sent is lost.
     """
 
-    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        address = environment.get("NOTIFY_SOCKET", "")
+    def __init__(self) -> None:
+        address = os.environ.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
-        self._period_s = _watchdog_s(environment) / 3
+        self._period_s = _watchdog_s() / 3
         self._alive_s = float("-inf")
 
     def ready(self, status: str) -> None:
@@ -44,8 +43,8 @@ def _line(text: str) -> str:
     return " ".join(text.splitlines())
 
 
-def _watchdog_s(environment: Mapping[str, str]) -> float:
+def _watchdog_s() -> float:
     """The watchdog's time for this process, s; 0 without a watchdog."""
-    meant_for = environment.get("WATCHDOG_PID", str(os.getpid()))
-    microseconds = environment.get("WATCHDOG_USEC", "")
+    meant_for = os.environ.get("WATCHDOG_PID", str(os.getpid()))
+    microseconds = os.environ.get("WATCHDOG_USEC", "")
     return int(microseconds) * 1e-6 if microseconds.isdigit() and meant_for == str(os.getpid()) else 0.0

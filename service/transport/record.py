@@ -1,7 +1,6 @@
 """`wayfi record`: writes what sensors publish on Zenoh to a plain recording."""
 
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -29,11 +28,10 @@ class RecordSummary:
     dropped: dict[str, dict[str, int]]
 
 
-def record_topics(out: Path, config: Config, ready: Callable[[], None] = lambda: None) -> RecordSummary:
+def record_topics(out: Path, config: Config) -> RecordSummary:
     """Write the sensors' messages to `out` until SIGINT or SIGTERM; a log time is when the message was received.
 
-    `ready` is called when every topic is subscribed to. Raises ZenohError where the connection is refused,
-    RecordingError where `out` cannot be written.
+    Raises ZenohError where the connection is refused, RecordingError where `out` cannot be written.
     """
 
     def may_come(error: UnreachableError) -> bool:
@@ -47,7 +45,6 @@ def record_topics(out: Path, config: Config, ready: Callable[[], None] = lambda:
         writer = opened.enter_context(McapWriter(out))
         recorder = _RecordingWriter(writer, topics)
         with Subscribers(session, config.zenoh, topics, inbox):
-            ready()
             while not stop.requested:
                 recorder.write(inbox.pop(IDLE_S))
         while received := inbox.pop(0.0):

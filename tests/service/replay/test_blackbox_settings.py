@@ -24,7 +24,7 @@ def test_a_replay_takes_the_black_boxs_settings_unless_told_otherwise(tmp_path: 
         WheelCalibration(np.array([0.1, 0.2, 0.3, 1 / 3]), np.array([1.0, 2.0, 3.0, 1e-7])),
         {"tablet": ReceiverOffset(0.0, 0.0), "phone": ReceiverOffset(-2.5, 1 / 3)},
     )
-    with BlackBox(tmp_path, config, config.recording.topics, calibration) as blackbox:
+    with BlackBox(tmp_path, config, calibration) as blackbox:
         blackbox.write(Received(Sensor.ODOM, Encoding.CDR, odometry(0), time.monotonic()))
     again, attached = settings_for(tmp_path, (), (), None)
     assert again == config
