@@ -14,6 +14,7 @@ from wayfi.recordings.simulation.worlds import World
 os.environ["RERUN_ANALYTICS"] = "0"
 sys.path.insert(0, str(Path(__file__).parent))
 from drives import Simulated, replay_by_cli, simulated
+from loopback import Authority, secret
 from places import REAL_DATA
 
 
@@ -41,6 +42,12 @@ def minute() -> Simulated:
 
 
 @pytest.fixture(scope="session")
+def longer() -> Simulated:
+    """A minute and a half in the car park."""
+    return simulated(World.CARPARK, 1.5, seed=4)
+
+
+@pytest.fixture(scope="session")
 def carpark(tmp_path_factory: pytest.TempPathFactory) -> SimulatedRecording:
     """Six minutes in the car park, some of it twice."""
     return simulate(World.CARPARK, tmp_path_factory.mktemp("carpark"), minutes=6.0)
@@ -51,3 +58,15 @@ def carpark_replay(carpark: SimulatedRecording, tmp_path_factory: pytest.TempPat
     """The replay of `carpark`, by the command line; not to be changed."""
     out = tmp_path_factory.mktemp("carpark_replay") / "out"
     return Replayed(carpark, out, replay_by_cli(carpark.recording, out))
+
+
+@pytest.fixture
+def users(tmp_path: Path) -> Path:
+    """The users file of a listener: alice and bob."""
+    return secret(tmp_path / "users", "alice:open sesame\nbob:b\n")
+
+
+@pytest.fixture
+def authority(tmp_path: Path) -> Authority:
+    """A certificate authority."""
+    return Authority(tmp_path / "authority")

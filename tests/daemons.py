@@ -1,7 +1,5 @@
-"""`wayfi run` as a process on loopback, a session of ours beside it, and what it says and leaves."""
+"""`wayfi run` as a process on loopback, a session of ours beside it, and a robot that publishes to it."""
 
-import json
-import math
 import resource
 import signal
 import socket
@@ -14,32 +12,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import zenoh
 from loopback import CLI, eventually, free_port
-from PIL import Image
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.recordings.files.map_files import UNKNOWN
-from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
+from wayfi.frontends.measurements import Odometry
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.ros.codec import decode, encode
-from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, NS_PER_S, POSE_WITH_COVARIANCE, TYPESTORE
+from wayfi.recordings.ros.codec import encode
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, TYPESTORE
 from wayfi.recordings.ros.ros_messages import Message
 from wayfi.recordings.ros.topics import Encoding
-from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import Config, ZenohConfig
-from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.replay.publish import publish_recording
-from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 from wayfi.service.transport.subscribers import SYNC
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
 PREFIX = "robot7"
-MS_NS = 1_000_000
+ESTIMATOR = "wayfi.service.daemon.estimator"
 
 
 def accepts(endpoint: str) -> bool:
@@ -118,10 +108,14 @@ class Running:
         self.process.wait()
         return time.monotonic()
 
-    def start_again(self, *flags: str) -> None:
-        """Another process with the same settings; returns when it is ready."""
+    def launch_again(self, *flags: str) -> None:
+        """Start another process with the same settings."""
         self.process.communicate()
         self.process = _launch([*self.settings, *flags])
+
+    def start_again(self, *flags: str) -> None:
+        """Another process with the same settings; returns when it is ready."""
+        self.launch_again(*flags)
         self.wait_until_alive()
 
     def wait_until_alive(self) -> None:
@@ -213,86 +207,3 @@ class Robot(threading.Thread):
         """Wait until all was put and received."""
         self.join()
         assert asked_for(self._daemon.session, self._daemon.key(SYNC))
-
-
-# What it was told, said and left
-
-
-def odometry_of(recording: Path) -> list[Odometry]:
-    messages = [decode(r.data, Sensor.ODOM, Encoding.CDR) for r in open_recording(recording) if r.topic == "/odom"]
-    return [m for m in messages if isinstance(m, Odometry)]
-
-
-def poses_of(daemon: Running) -> list[Message]:
-    return [message_of(data, POSE_WITH_COVARIANCE) for data in daemon.samples["wayfi/pose"]]
-
-
-def stamp_ns(header: Message) -> int:
-    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
-
-
-def pose_of(message: Message) -> Pose2:
-    p, q = message.pose.pose.position, message.pose.pose.orientation
-    return Pose2(p.x, p.y, 2 * math.atan2(q.z, q.w))
-
-
-def report_of(folder: Path) -> dict[str, Any]:
-    report: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    return report
-
-
-def replays_alike(folder: Path, out: Path) -> bool:
-    """Whether the black box gives the trajectories that the daemon left, to the byte."""
-    config, calibration = settings_for(folder, (), (), None)
-    replay(folder, config, calibration, ReplayOptions(out, rrd=False))
-    return all((out / n).read_bytes() == (folder / n).read_bytes() for n in ("trajectory.tum", "online.tum"))
-
-
-def error_m(folder: Path, truth: Trajectory) -> float:
-    """ATE RMSE, m, at the stamps of the trajectory."""
-    estimate = read_tum(folder / "trajectory.tum")
-    at = np.isin(truth.stamps_ns // MS_NS, estimate.stamps_ns // MS_NS)
-    assert at.any()
-    return absolute_error(estimate, Trajectory(truth.stamps_ns[at], truth.poses[at])).error.ate_rmse_m
-
-
-# Kills
-
-
-@dataclass(frozen=True, slots=True)
-class Kill:
-    """The moments from which a daemon heard, and when it was killed, on the monotonic clock; and what it left.
-
-    `messages` are those of the newest part of its black box; `map_cells` is 0 where there was no map yet.
-    """
-
-    ready_s: float
-    killed_s: float
-    messages: int
-    map_cells: int
-
-    def lost_s(self, robot: Robot, kept: set[bytes]) -> float:
-        """How long before the kill the first message was put that is not in the black box, which `kept` is of."""
-        heard = [at_s for at_s, data in robot.put if self.ready_s < at_s < self.killed_s and data not in kept]
-        return self.killed_s - min(heard, default=self.killed_s)
-
-
-def kill_after(daemon: Running, seconds: float) -> Kill:
-    """Kill a daemon that is ready so long from now, and start it again."""
-    ready_s = time.monotonic()
-    time.sleep(seconds)
-    killed_s = daemon.kill()
-    recorded = sum(1 for _ in open_recording(parts_of(daemon.folder, BLACKBOX)[-1]))
-    cells = cells_of_map(daemon.folder)
-    daemon.start_again()
-    return Kill(ready_s, killed_s, recorded, cells)
-
-
-def cells_of_map(folder: Path) -> int:
-    """How many cells the map in a run's folder has that are not unknown; 0 without a map."""
-    description = folder / "map.yaml"
-    if not description.exists():
-        return 0
-    image = next(line.split()[1] for line in description.read_text().splitlines() if line.startswith("image:"))
-    with Image.open(folder / image) as picture:
-        return int(np.count_nonzero(np.asarray(picture) != UNKNOWN))

@@ -2,14 +2,16 @@
 
 import dataclasses
 import json
+import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
@@ -89,6 +91,14 @@ def simulated(world: World, minutes: float, seed: int = 0) -> Simulated:
     """The first `minutes` of a drive through `world`."""
     run = start(world, seed, minutes)
     return Simulated(tuple(Arrival(m.stamp_ns, m) for m in measurements(run)), run.truth)
+
+
+def circling(messages: int) -> Iterator[Arrival]:
+    """Odometry alone, at 100 Hz on a circle."""
+    for number in range(messages):
+        at_ns, angle = EPOCH_NS + number * 10_000_000, number * 1e-3
+        pose = Pose2(5 * math.sin(angle), 5 - 5 * math.cos(angle), angle)
+        yield Arrival(at_ns, Odometry(at_ns, pose))
 
 
 def change(

@@ -1,11 +1,10 @@
-"""The black box: exactly what the estimation was fed, in that order, so that a replay gives the same drive."""
+"""The black box: what the estimation was fed, in that order, so that a replay gives the same drive."""
 
 import time
 from contextlib import suppress
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
@@ -16,26 +15,24 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.disk import MIB
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive.control_records import ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
 CONFIG = "config.toml"
 CALIBRATION = "calibration.toml"
-FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a step that takes long
+FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a long step
 
 
 class BlackBox(Closing):
     """Writes `folder`/blackbox_0001.mcap, 0002, ..., each with the configuration and the calibration in it.
 
-    A message's log time is the wall clock's when it was received, without the clock's own jumps. What raises OSError or
-    RecordingError here has not been recorded.
+    A message's log time is when it was received, on a wall clock without jumps. A method that raises OSError or
+    RecordingError has not recorded.
     """
 
-    def __init__(
-        self, folder: Path, config: Config, topics: dict[Sensor, str], calibration: Calibration | None
-    ) -> None:
+    def __init__(self, folder: Path, config: Config, calibration: Calibration | None) -> None:
         self._folder = folder
         self._limits = config.recording
-        self._topics = topics
+        self._topics = config.recording.topics
         self._wall_ahead_s = time.time() - time.monotonic()
         self._attached = {CONFIG: config_toml(config)}
         if calibration is not None:
@@ -43,7 +40,7 @@ class BlackBox(Closing):
         self._begin()
 
     def write(self, item: Received | ControlRecord) -> None:
-        """Add a message that is about to be fed, or what is about to be done between two of them."""
+        """Write a message that is about to be fed, or a control record."""
         self._unflushed = True
         if isinstance(item, ControlRecord):
             self._writer.write(CONTROL_TOPIC, "wayfi/Mark", "json", self._log_time_ns(time.monotonic()), item.to_json())
@@ -54,7 +51,7 @@ class BlackBox(Closing):
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Hand to the operating system what has been held back for `FLUSH_S`."""
+        """Flush where the last time is `FLUSH_S` ago."""
         if self._unflushed and time.monotonic() - self._flushed_s >= FLUSH_S:
             self.flush()
 
@@ -78,7 +75,7 @@ class BlackBox(Closing):
         self._writer.close()
 
     def abandon(self) -> None:
-        """Let go of the file as it is, where the disk does not let it be finished."""
+        """Close the file, whether or not the disk lets it be finished."""
         with suppress(OSError):
             self._writer.close()
 

@@ -1,6 +1,6 @@
-"""Checkpoints: a drive in a file, from which a daemon that was killed goes on.
+"""Checkpoints: a drive in a file, from which a killed daemon resumes.
 
-The file is pickled: whoever can write to the run's folder can make the daemon run what he likes, so it is its owner's.
+The file is pickled: whoever can write to the run's folder can make the daemon run any code.
 """
 
 import hashlib
@@ -18,21 +18,21 @@ MAGIC = b"wayfi checkpoint 2\n"
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """The drive's bytes as of the mark `number`."""
+    """The pickled drive as of the control record of checkpoint `number`."""
 
     number: int
     drive: bytes
 
 
 def write_checkpoint(folder: Path, number: int, drive: bytes) -> None:
-    """Put a checkpoint into `folder`, in the place of the one before. Raises OSError."""
+    """Write a checkpoint into `folder`, in place of the one before. Raises OSError."""
     packed = zstandard.ZstdCompressor(level=1).compress(drive)
     head = MAGIC + f"{number} {_versions()} {hashlib.sha256(packed).hexdigest()}\n".encode()
     write_bytes(folder / CHECKPOINT, head + packed)
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
-    """The checkpoint of `folder`; None where there is none that is whole and of this very software."""
+    """The checkpoint of `folder`; None without one that is complete and of the same versions of the software."""
     try:
         data = (folder / CHECKPOINT).read_bytes()
     except OSError:

@@ -1,4 +1,4 @@
-"""The disk under the runs: a budget for what is recorded, and room that is left to others."""
+"""The disk that holds the runs: a budget for recordings, and the free space."""
 
 import shutil
 from pathlib import Path
@@ -10,23 +10,20 @@ KINDS = (BLACKBOX, SESSION)
 
 
 def free_mb(directory: Path) -> float:
-    """How many MiB are free under `directory`. Raises OSError."""
+    """The free space of the disk that holds `directory`, MiB. Raises OSError."""
     return shutil.disk_usage(directory).free / MIB
 
 
-def keep_budget(directory: Path, current: Path, budget_mb: float) -> list[Path]:
-    """Delete the oldest recorded parts of the runs in `directory` until they fit; returns what was deleted.
+def keep_budget(directory: Path, current: Path, budget_mb: float) -> None:
+    """Delete the oldest parts of the runs in `directory` until all fit into `budget_mb` MiB.
 
-    Of the run in `current` its newest part of each kind stays.
+    The newest part of each kind in the folder `current` stays. Raises OSError.
     """
     files = {path: path.stat() for kind in KINDS for path in directory.glob(f"*/{kind[0]}_*{kind[1]}")}
     newest = {path for kind in KINDS for path in parts_of(current, kind)[-1:]}
     over = sum(file.st_size for file in files.values()) - budget_mb * MIB
-    deleted = []
     for path in sorted(files.keys() - newest, key=lambda path: (files[path].st_mtime_ns, path)):
         if over <= 0:
             break
         path.unlink()
         over -= files[path].st_size
-        deleted.append(path)
-    return deleted

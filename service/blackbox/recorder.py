@@ -1,4 +1,4 @@
-"""The black box kept going on a disk that may be full or broken: recording may stop, the robot does not."""
+"""Records to the black box; a disk that is full or broken stops the recording, never the robot."""
 
 import time
 from collections.abc import Callable
@@ -9,45 +9,48 @@ from wayfi.service.blackbox.blackbox import BlackBox
 from wayfi.service.blackbox.disk import free_mb, keep_budget
 from wayfi.service.config import RecordingConfig
 from wayfi.service.drive.control_records import ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
-LOOK_S = 5.0
+CHECK_S = 5.0
 RETRY_S = 10.0
 
 
 class Recorder:
-    """Writes to the black box that `begin` opens, while there is room; tells `complain` when that changes."""
+    """Writes to the black box that `open_blackbox` opens, while there is room; calls `warn` when that changes.
+
+    `unrecorded` counts the messages and control records that could not be written.
+    """
 
     def __init__(
-        self, begin: Callable[[], BlackBox], folder: Path, config: RecordingConfig, complain: Callable[[str], None]
+        self, open_blackbox: Callable[[], BlackBox], folder: Path, config: RecordingConfig, warn: Callable[[str], None]
     ) -> None:
-        self._begin = begin
+        self._open_blackbox = open_blackbox
         self._folder = folder
         self._config = config
-        self._complain = complain
+        self._warn = warn
         self._blackbox: BlackBox | None = None
-        self._looked_s = time.monotonic()
+        self._checked_s = time.monotonic()
         self.unrecorded = 0
         self._guard(self._open)
 
     def write(self, item: Received | ControlRecord) -> None:
-        """Record a message or a mark; counted in `unrecorded` where that is impossible."""
+        """Record a message or a control record, or count it in `unrecorded`."""
         if self._blackbox is None:
-            self._try_again()
+            self._reopen_if_due()
         if self._blackbox is None:
             self.unrecorded += 1
             return
         blackbox = self._blackbox
         self._guard(lambda: blackbox.write(item))
-        self.look_after()
+        self.maintain()
 
     @property
     def whole(self) -> bool:
-        """Whether it has recorded everything so far, and goes on."""
+        """Whether everything so far is recorded, and recording goes on."""
         return self._blackbox is not None and not self.unrecorded
 
     def flush(self) -> None:
-        """What is recorded so far survives a kill."""
+        """Hand everything to the operating system: a killed process loses none of it."""
         blackbox = self._blackbox
         if blackbox is not None:
             self._guard(blackbox.flush)
@@ -58,15 +61,15 @@ class Recorder:
         if blackbox is not None:
             self._guard(blackbox.rotate_if_due)
 
-    def look_after(self) -> None:
-        """Flush, keep the budget, and stop where the disk is nearly full, each when its time has come."""
+    def maintain(self) -> None:
+        """Flush, delete what exceeds the budget, and stop where the disk is nearly full, each when it is due."""
         blackbox = self._blackbox
         if blackbox is None:
             return
         self._guard(blackbox.flush_if_due)
-        if time.monotonic() - self._looked_s >= LOOK_S:
-            self._looked_s = time.monotonic()
-            self._guard(self._look_at_disk)
+        if time.monotonic() - self._checked_s >= CHECK_S:
+            self._checked_s = time.monotonic()
+            self._guard(self._check_disk)
 
     def close(self) -> None:
         """Finish the file."""
@@ -75,23 +78,23 @@ class Recorder:
             self._blackbox = None
 
     def _open(self) -> None:
-        self._blackbox = self._begin()
+        self._blackbox = self._open_blackbox()
 
-    def _look_at_disk(self) -> None:
+    def _check_disk(self) -> None:
         keep_budget(self._folder.parent, self._folder, self._config.budget_mb)
         if free_mb(self._folder) < self._config.keep_free_mb:
             raise OSError(0, f"under {self._config.keep_free_mb:g} MiB are free (recording.keep_free_mb)")
 
-    def _try_again(self) -> None:
-        if time.monotonic() - self._looked_s < RETRY_S:
+    def _reopen_if_due(self) -> None:
+        if time.monotonic() - self._checked_s < RETRY_S:
             return
-        self._looked_s = time.monotonic()
+        self._checked_s = time.monotonic()
         try:
-            self._look_at_disk()
+            self._check_disk()
             self._open()
         except (OSError, RecordingError):
             return
-        self._complain(f"recording again; {self.unrecorded} messages are missing from the black box")
+        self._warn(f"recording again; {self.unrecorded} messages are missing from the black box")
 
     def _guard(self, act: Callable[[], object]) -> None:
         try:
@@ -104,4 +107,4 @@ class Recorder:
         blackbox, self._blackbox = self._blackbox, None
         if blackbox is not None:
             blackbox.abandon()
-        self._complain(text)
+        self._warn(text)

@@ -14,17 +14,17 @@ from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
 
-RUNNING = "running"  # in the folder of a run that has not been stopped: what its drive depends on
+RUNNING = "running"  # a file in the folder of a run that has not been stopped: the settings of its drive
 IDLE_S = 0.1
 
 
 class RunFolderError(WayfiError):
-    """A folder that cannot be had."""
+    """A folder that cannot be created or written to."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A run's folder, ours alone; `away_s` since what it resumes was last written, None where it begins."""
+    """A run's folder, locked; `away_s` is for how long nothing of the resumed drive was written, None for a new run."""
 
     path: Path
     away_s: float | None
@@ -32,18 +32,18 @@ class RunFolder:
 
     @property
     def resumes(self) -> bool:
-        """Whether there is a drive in it to go on with."""
+        """Whether it holds a drive that is resumed."""
         return self.away_s is not None
 
-    def stopped(self) -> None:
-        """Say that the run was stopped cleanly, and let go of the folder and of what a restart would have needed."""
+    def mark_stopped(self) -> None:
+        """Mark the run as stopped cleanly: delete what a restart would need, and release the lock."""
         (self.path / CHECKPOINT).unlink(missing_ok=True)
         (self.path / RUNNING).unlink(missing_ok=True)
         os.close(self.lock)
 
 
 def open_run_folder(config: Config, calibration: Calibration | None, fresh: bool) -> RunFolder:
-    """The newest run's folder if that was not stopped cleanly, had this configuration, and not `fresh`; else a new one.
+    """The newest run's folder if that was not stopped cleanly and has these settings; else, or if `fresh`, a new one.
 
     Raises RunFolderError.
     """
@@ -74,7 +74,7 @@ def _unfinished(directory: Path, settings: str) -> RunFolder | None:
 
 
 def _new(directory: Path, settings: str) -> RunFolder:
-    """Named by this second in UTC; the next second where there is one already."""
+    """A new folder, named by the present second in UTC; waits for the next second where that exists."""
     while True:
         folder = directory / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         try:
@@ -89,7 +89,7 @@ def _new(directory: Path, settings: str) -> RunFolder:
 
 
 def _settings(config: Config, calibration: Calibration | None) -> str:
-    """All that a drive depends on, as text."""
+    """All settings that a drive depends on, as text."""
     plain = Config()
     settings = config_toml(replace(config, zenoh=plain.zenoh, rerun=plain.rerun, recording=plain.recording))
     topics = "\n".join(config.recording.topics.values())
@@ -97,7 +97,7 @@ def _settings(config: Config, calibration: Calibration | None) -> str:
 
 
 def _lock(folder: Path) -> int | None:
-    """The folder's lock, which the process holds as long as it lives; None where another holds it."""
+    """Locks the folder for this process; returns the file descriptor, None where another process holds the lock."""
     file = os.open(folder / RUNNING, os.O_RDWR)
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

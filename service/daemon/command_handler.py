@@ -1,28 +1,31 @@
-"""Does what commands ask, and answers each."""
+"""Executes commands to the daemon, and answers each."""
 
 from collections import deque
 
 from wayfi.service.blackbox.run_folder import RunFolder
-from wayfi.service.daemon.backlog import Backlog
-from wayfi.service.daemon.estimator_messages import Save, Saved
+from wayfi.service.daemon.daemon_state import StateMachine
+from wayfi.service.daemon.estimator_messages import Backlog, Save, Saved
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.commands import Command, Name
 
 
 class CommandHandler:
-    """Commands to the daemon of one run; what changes something is put into its black box by way of `backlog`."""
+    """Executes the commands to one run. Those that change it are recorded in the black box, through `backlog`.
 
-    def __init__(self, folder: RunFolder, backlog: Backlog, log: LogLines) -> None:
+    `paused` says whether received messages are to be dropped.
+    """
+
+    def __init__(self, folder: RunFolder, backlog: Backlog, machine: StateMachine, log: LogLines) -> None:
         self._folder = folder
         self._backlog = backlog
+        self._machine = machine
         self._log = log
         self._saving: deque[Command] = deque()
         self.paused = False
-        self.reset = False
 
-    def obey(self, command: Command) -> None:
-        """Do it; the answer to `save` follows when the files are written."""
+    def execute(self, command: Command) -> None:
+        """Execute a command and answer it; `save` is answered when its files are written."""
         self._log.info("command", name=command.name, argument=command.argument)
         match command.name:
             case Name.PAUSE | Name.RESUME:
@@ -32,22 +35,22 @@ class CommandHandler:
                 self._record(command)
                 self._backlog.put(Save())
             case Name.RESET:
-                self.reset = True
                 self._record(command)
+                self._machine.request_end()
                 command.answer(True, f"{self._folder.path} is being closed; a new run begins")
             case Name.MODE:
                 known = command.argument == "mapping"
-                wrong = f"no mode {command.argument!r}: this daemon maps, and knows the mode 'mapping' alone"
+                wrong = f"no mode {command.argument!r}: the only mode is 'mapping'"
                 command.answer(known, "mapping" if known else wrong)
 
-    def take_saved(self, saved: Saved) -> None:
-        """Answer the oldest command to save."""
+    def handle_saved(self, saved: Saved) -> None:
+        """Answer the oldest `save` that waits."""
         if self._saving:
             error = saved.written.error
             self._saving.popleft().answer(not error, error or f"written to {self._folder.path}")
 
-    def give_up_saving(self, why: str) -> None:
-        """Tell all that wait for their files that they will not come."""
+    def fail_saves(self, why: str) -> None:
+        """Answer every `save` that waits with a failure."""
         while self._saving:
             self._saving.popleft().answer(False, why)
 

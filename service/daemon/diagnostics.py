@@ -1,7 +1,8 @@
-"""How the daemon is doing: state, rates, queues, drops and latencies, as its status and its report tell it."""
+"""The daemon's diagnostics: state, rates, queues, drops and latencies, for its status and its report."""
 
 import time
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ import numpy as np
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
-from wayfi.service.daemon.backlog import Backlog
+from wayfi.service.daemon.estimator_messages import Backlog
 from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.drive.timing import StageCost
+from wayfi.service.transport.message_queue import MessageQueue, Received
 from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
-from wayfi.service.transport.queues import Queues
 
 LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
 RECENT_POSES = 1000
@@ -52,22 +53,26 @@ class Latencies:
 
 
 class Diagnostics:
-    """Keeps what the status tells; due once a second and whenever the state or a complaint has changed."""
+    """What the status reports; due once a second and whenever the state or a complaint has changed.
 
-    def __init__(self, topics: dict[Sensor, str], inbox: Queues, backlog: Backlog) -> None:
+    `estimation_drops` is what the estimation has dropped, by topic and reason.
+    """
+
+    def __init__(self, topics: dict[Sensor, str], inbox: MessageQueue[Received], backlog: Backlog) -> None:
         self._topics = topics
         self._inbox = inbox
         self._backlog = backlog
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
         self._complaints: dict[str, str] = {}
-        self._told: tuple[State, list[str], float] | None = None
+        self._reported: tuple[State, list[str], float] | None = None
         self._received: tuple[float, dict[Sensor, int]] = (time.monotonic(), {})
         self._rates: dict[Sensor, float] = {}
+        self.estimation_drops: Drops = {}
         self.latencies = Latencies()
 
-    def take(self, event: Event, received_s: float) -> None:
-        """Learn from an event that was published just now, and of the moment when its message was received."""
+    def handle(self, event: Event, received_s: float) -> None:
+        """Note an event that was published just now, whose message was received at `received_s`, monotonic."""
         match event:
             case PosePublished():
                 if self._state is not event.state or not len(self.latencies):
@@ -81,26 +86,30 @@ class Diagnostics:
                 self._complaints[event.complaint] = event.text
 
     def due(self) -> bool:
-        """Whether the status is to be told now."""
-        if self._told is None:
+        """Whether the status has to be reported now."""
+        if self._reported is None:
             return True
-        state, complaints, told_s = self._told
+        state, complaints, reported_s = self._reported
         changed = state is not self._state or complaints != list(self._complaints)
-        return changed or time.monotonic() - told_s >= PERIOD_S
+        return changed or time.monotonic() - reported_s >= PERIOD_S
 
     def queue_drops(self) -> Drops:
-        """What never came to the estimation, by topic and reason."""
+        """Messages that did not reach the estimation, by topic and reason."""
         drops = (self._inbox.dropped(), self._backlog.dropped())
         return merged(*({self._topics[sensor]: reasons for sensor, reasons in d.items()} for d in drops))
 
-    def status(self, dropped: Drops, extra: dict[str, Any]) -> Status:
-        """The status as of now; `dropped` by topic and reason."""
-        self._told = (self._state, list(self._complaints), time.monotonic())
+    def dropped(self) -> Drops:
+        """All messages dropped so far, by topic and reason."""
+        return merged(self.estimation_drops, self.queue_drops())
+
+    def status(self, extra: Mapping[str, object]) -> Status:
+        """The status as of now, with the values of `extra`."""
+        self._reported = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
         values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
         fed = self._backlog.depths()
         values |= {f"queue.{self._topics[s]}": depth + fed[s] for s, depth in self._inbox.depths().items()}
-        values |= {f"dropped.{topic}.{why}": n for topic, whys in dropped.items() for why, n in whys.items()}
+        values |= {f"dropped.{topic}.{why}": n for topic, whys in self.dropped().items() for why, n in whys.items()}
         values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
         values |= {f"latency.{name}": value for name, value in self.latencies.recent().items()}

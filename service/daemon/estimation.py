@@ -1,4 +1,4 @@
-"""The estimation's process as the daemon sees it: one thread feeds it, another hears what it says."""
+"""The process of the estimation, seen from the daemon: one thread feeds it, another receives its reports."""
 
 import fcntl
 import os
@@ -10,18 +10,20 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 
 from wayfi.service.blackbox.recorder import Recorder
-from wayfi.service.daemon.backlog import Backlog
-from wayfi.service.daemon.estimator_messages import Finish, Ready, Report, Request, Start
+from wayfi.service.daemon.estimator_messages import Backlog, Finish, Ready, Report, Request, Start
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
-from wayfi.service.transport.queues import Received
+from wayfi.service.transport.message_queue import Received
 
 IDLE_S = 0.1
-PIPE_BYTES = 1 << 20  # some seconds of a planar laser: recorded, and on their way to an estimation that is busy
-CHECKPOINT_EVERY = 2000  # messages: a second or two of work, which a restart has to do again
+PIPE_BYTES = 1 << 20  # some seconds of a planar laser, recorded and not yet processed
+CHECKPOINT_EVERY = 2000  # messages: a second or two of work, which a restart has to repeat
 
 
 class Estimation:
-    """Feeds its process what `backlog` holds, recorded before it is sent; calls `wake` when there are `reports`."""
+    """Feeds its process the items of `backlog`, each recorded before it is sent; calls `wake` when there are `reports`.
+
+    `ended` says whether the process has ended.
+    """
 
     def __init__(self, start: Start, backlog: Backlog, recorder: Recorder, wake: Callable[[], None]) -> None:
         self._backlog = backlog
@@ -37,17 +39,17 @@ class Estimation:
         self._feeder = threading.Thread(target=self._feed_all, name="estimation feeder", daemon=True)
         self._reader.start()
 
-    def begin(self, ready: Ready) -> None:
-        """Feed from now on."""
+    def feed(self, ready: Ready) -> None:
+        """Feed the process from now on, after it reported `ready`."""
         self._checkpoint, self._since_checkpoint = ready.checkpoint, ready.since
         self._feeder.start()
 
     def reports(self) -> list[Report]:
-        """What the process has said since this was last asked."""
+        """What the process has reported since the last call."""
         return [self._reports.popleft() for _ in range(len(self._reports))]
 
     def close(self) -> None:
-        """End the process, if it has not ended."""
+        """Kill the process, if it has not ended, and wait for the threads."""
         self._process.kill()
         self._process.wait()
         self._reader.join()
@@ -68,15 +70,15 @@ class Estimation:
     def _feed_all(self) -> None:
         try:
             while not self.ended:
-                item = self._backlog.take(IDLE_S)
+                item = self._backlog.pop(IDLE_S)
                 if item is None:
-                    self._recorder.look_after()
+                    self._recorder.maintain()
                 else:
-                    self._feed(item)
+                    self._send(item)
         except (BrokenPipeError, OSError):
             self.ended = True
 
-    def _feed(self, item: Received | ControlRecord | Request) -> None:
+    def _send(self, item: Received | ControlRecord | Request) -> None:
         if isinstance(item, Finish):
             self._recorder.close()
         elif isinstance(item, Received | ControlRecord):
@@ -85,20 +87,23 @@ class Estimation:
         self._since_checkpoint += isinstance(item, Received)
         if self._since_checkpoint >= CHECKPOINT_EVERY:
             self._since_checkpoint = 0
-            self._ask_for_checkpoint()
+            self._request_checkpoint()
 
-    def _ask_for_checkpoint(self) -> None:
-        """A new part of the black box begins with its mark, so that older parts are not needed to go on from it."""
+    def _request_checkpoint(self) -> None:
+        """Have a checkpoint written; where a part of the black box is full, the next begins with the control record.
+
+        So no older part is needed to resume.
+        """
         self._checkpoint += 1
-        mark = ControlRecord(ControlKind.CHECKPOINT, self._checkpoint)
+        record = ControlRecord(ControlKind.CHECKPOINT, self._checkpoint)
         self._recorder.rotate_if_due()
-        self._recorder.write(mark)
+        self._recorder.write(record)
         self._recorder.flush()
-        self._outgoing.send(mark)
+        self._outgoing.send(record)
 
 
 def _spawn() -> tuple["subprocess.Popen[bytes]", Connection, Connection]:
-    """The process, and the ends of its two pipes: what goes out to it, what comes in from it."""
+    """The process, the pipe to it and the pipe from it."""
     its_incoming, outgoing = os.pipe()
     incoming, its_outgoing = os.pipe()
     if hasattr(fcntl, "F_SETPIPE_SZ"):

@@ -1,6 +1,6 @@
-"""The estimation, in a process of its own: a heavy step there holds up no pose here.
+"""The process of the estimation: a heavy step in it delays no pose of the daemon's.
 
-It is fed what the black box holds, in its order, and says what became known. It ends with the daemon, whichever way.
+It is fed what the black box holds, in that order, and reports what is new. It ends with the daemon, however that ends.
 """
 
 import ctypes
@@ -18,7 +18,7 @@ from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChang
 from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
-from wayfi.service.daemon.estimator_messages import Compiling, Finish, News, Ready, Save, Saved, Start, Written
+from wayfi.service.daemon.estimator_messages import Compiling, Finish, Ready, Save, Saved, Start, Update, Written
 from wayfi.service.daemon.live_log import LiveLog
 from wayfi.service.daemon.recovery import recover
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
@@ -27,16 +27,19 @@ from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.compilation import watch_compilation
+from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
-from wayfi.service.transport.queues import Received
 
-NICER = 5  # than the daemon, whose poses come first
+NICENESS = 5  # the daemon's poses come first
 PR_SET_PDEATHSIG = 1
-TOLD = (StateChanged, Warned)
+REPORTED = (StateChanged, Warned)
 
 
 class Estimator:
-    """Takes what comes in `incoming` until it ends or asks to finish, and says in `outgoing` what becomes of it."""
+    """Processes what it receives from `incoming` until Finish, and reports to `outgoing`.
+
+    Raises EOFError or BrokenPipeError where the daemon has ended.
+    """
 
     def __init__(self, incoming: Connection, outgoing: Connection) -> None:
         self._incoming = incoming
@@ -44,24 +47,24 @@ class Estimator:
         start: Start = incoming.recv()
         self._config, self._folder = start.config, start.folder
         self._begun_s = time.monotonic()
-        self._complaints: list[str] = []
-        self._drops_told = 0
-        self._log = LiveLog(start.config.rerun, start.folder, self._complaints.append)
+        self._warnings: list[str] = []
+        self._reported_drops = 0
+        self._log = LiveLog(start.config.rerun, start.folder, self._warnings.append)
         self._live, self._ready = self._begin(start)
         self._begin_part_if_due()
 
     def run(self) -> None:
-        """Work until the end."""
+        """Process everything up to the end of the drive."""
         self._outgoing.send(self._ready)
         while True:
             match self._incoming.recv():
                 case Received() as message:
                     events, published = self._live.feed(message.sensor, message.encoding, message.data)
-                    self._tell(events, published)
+                    self._report(events, published)
                 case ControlRecord(kind=ControlKind.CHECKPOINT, number=number):
                     self._checkpoint(number)
-                case ControlRecord() as mark:
-                    self._tell(self._live.obey(mark), None)
+                case ControlRecord() as record:
+                    self._report(self._live.apply(record), None)
                 case Save():
                     self._outgoing.send(self._save())
                 case Finish() as finish:
@@ -70,13 +73,13 @@ class Estimator:
 
     def _begin(self, start: Start) -> tuple[LiveDrive, Ready]:
         if start.resumes:
-            back = recover(start.folder, start.config, start.calibration, self._log)
-            return back.live, Ready(back.live.checkpoints, back.replayed, back.whole)
-        with watch_compilation(self._tell_compiling):
+            found = recover(start.folder, start.config, start.calibration, self._log)
+            return found.live, Ready(found.live.checkpoints, found.replayed, found.whole)
+        with watch_compilation(self._report_compiling):
             warm_up()
         return LiveDrive(start.config, start.calibration, self._log), Ready(0, 0, whole=True)
 
-    def _tell_compiling(self, number: int, total: int) -> None:
+    def _report_compiling(self, number: int, total: int) -> None:
         if number == 1:
             self._outgoing.send(Compiling(total))
 
@@ -84,53 +87,50 @@ class Estimator:
         try:
             write_checkpoint(self._folder, number, self._live.checkpoint(number))
         except OSError as error:
-            self._complaints.append(f"no checkpoint: {error.strerror}; a restart would begin at the one before")
+            self._warnings.append(f"no checkpoint: {error.strerror}; a restart would begin at the one before")
 
-    def _tell(self, events: list[Event], published: PosePublished | None) -> None:
-        """Say what the daemon does not know yet, then show it all."""
+    def _report(self, events: list[Event], published: PosePublished | None) -> None:
+        """Report what the daemon does not know yet, then count and log all events."""
         drive = self._live.drive
-        news = News(self._live.new_estimate(), complaints=self._complaints.copy())
-        self._complaints.clear()
-        if drive.counters.drops != self._drops_told:
-            self._drops_told = drive.counters.drops
-            news.dropped = merged(drive.counters.dropped)
+        update = Update(self._live.new_estimate(), warnings=self._warnings.copy())
+        self._warnings.clear()
+        if drive.counters.drops != self._reported_drops:
+            self._reported_drops = drive.counters.drops
+            update.dropped = merged(drive.counters.dropped)
         for event in events:
-            if isinstance(event, TOLD) or (isinstance(event, PosePublished) and event is not published):
-                news.events.append(event)
+            if isinstance(event, REPORTED) or (isinstance(event, PosePublished) and event is not published):
+                update.events.append(event)
             elif isinstance(event, GridRedrawn):
-                news.map_cdr = map_message(event, self._config.map)
-                self._keep_map(event)
-        if news != News():
-            self._outgoing.send(news)
-        self._show(events)
+                update.map_cdr = map_message(event, self._config.map)
+                self._write_map(event)
+        if update != Update():
+            self._outgoing.send(update)
+        drive.show(events)
+        self._begin_part_if_due()
 
-    def _keep_map(self, drawn: GridRedrawn) -> None:
-        """A run that is cut off leaves its last map; a disk that takes none has been complained of by the recorder."""
+    def _write_map(self, drawn: GridRedrawn) -> None:
+        """Leave the newest map in the folder, should the run be cut off; the recorder warns of a full disk."""
         with suppress(OSError):
             write_grid(self._folder, drawn, self._config.map)
-
-    def _show(self, events: list[Event]) -> None:
-        self._live.drive.show(events)
-        self._begin_part_if_due()
 
     def _begin_part_if_due(self) -> None:
         if self._log.due:
             self._log.begin(self._live.drive.history())
 
     def _save(self) -> Saved:
-        """Finish a copy."""
+        """Write the results of a copy of the drive; the drive itself goes on."""
         copy: LiveDrive = pickle.loads(pickle.dumps(self._live))
-        return Saved(self._write(copy, {}, {}))
+        return Saved(self._write_results(copy, {}, {}))
 
     def _finish(self, finish: Finish) -> Written:
-        return self._write(self._live, finish.dropped, finish.report)
+        return self._write_results(self._live, finish.dropped, finish.report)
 
-    def _write(self, live: LiveDrive, dropped: Any, extra: Any) -> Written:  # noqa: ANN401 - as in Finish
+    def _write_results(self, live: LiveDrive, dropped: Any, extra: Any) -> Written:  # noqa: ANN401 - as in Finish
         drive = live.drive
         result = drive.finish()
         grid = result.grid
         drawn = GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m)
-        self._outgoing.send(News(map_cdr=map_message(drawn, self._config.map)))
+        self._outgoing.send(Update(map_cdr=map_message(drawn, self._config.map)))
         for topic, reasons in dropped.items():
             drive.counters.drop_many(topic, reasons)
         seconds = time.monotonic() - self._begun_s
@@ -144,12 +144,12 @@ class Estimator:
 
 
 def main() -> None:
-    """Serve the daemon whose two pipes are the arguments."""
+    """Serve the daemon; the arguments are the file descriptors of the pipes from it and to it."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    os.nice(NICER)
+    os.nice(NICENESS)
     incoming, outgoing = (int(word) for word in sys.argv[1:3])
     try:
         Estimator(Connection(incoming, writable=False), Connection(outgoing, readable=False)).run()

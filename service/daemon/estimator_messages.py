@@ -1,4 +1,4 @@
-"""What the daemon and its estimation, a process of its own, say to each other."""
+"""The messages between the daemon and the process of its estimation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,12 +9,14 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.service.config import Config
+from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.drive.counters import Drops
+from wayfi.service.transport.message_queue import MessageQueue, Received
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The first word: what to estimate with, in which folder, and whether to go on with the drive that is in it."""
+    """The first message: the settings, the run's folder, and whether to resume the drive that is in it."""
 
     config: Config
     calibration: Calibration | None
@@ -24,16 +26,16 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Compiling:
-    """The estimation is not ready for as long as it compiles `functions`, which were not compiled on this machine."""
+    """The estimation compiles `functions` first, which were not compiled on this machine before."""
 
     functions: int
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """The estimation takes messages from now on; nothing that was fed to the drive so far is missing if it is `whole`.
+    """The estimation can be fed from now on. The drive is `whole` where all that it was fed so far was recovered.
 
-    `checkpoint` is the number of the drive's newest, 0 without, and `since` how many messages have come after it.
+    `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the messages after that.
     """
 
     checkpoint: int
@@ -43,12 +45,15 @@ class Ready:
 
 @dataclass(frozen=True, slots=True)
 class Save:
-    """Asks for the results of the drive so far, which goes on."""
+    """Requests the results of the drive so far, which goes on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """Asks for the end; `dropped` never came to the estimation, `report` goes into report.json as it is."""
+    """Requests the end of the drive and its results.
+
+    `dropped` counts messages that did not reach the estimation, by topic and reason; `report` is added to report.json.
+    """
 
     dropped: Mapping[str, Mapping[str, int]]
     report: Mapping[str, Any]
@@ -56,7 +61,7 @@ class Finish:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The results are in the folder, `poses` lines of trajectory; or why not. Answers Finish."""
+    """The reply to Finish: the results are in the folder, with `poses` poses; or the `error` that prevented it."""
 
     poses: int
     error: str = ""
@@ -64,21 +69,22 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """The same, of a drive that goes on. Answers Save."""
+    """The reply to Save."""
 
     written: Written
 
 
 @dataclass(slots=True)
-class News:
-    """What became known: an estimate, events, drops in all, and the map as an OccupancyGrid's bytes."""
+class Update:
+    """What is new: an estimate, all drops so far by topic and reason, events, the map as an OccupancyGrid in CDR."""
 
     estimate: Estimate | None = None
     dropped: Drops | None = None
-    complaints: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     map_cdr: bytes | None = None
 
 
 Request = Save | Finish
-Report = Compiling | Ready | News | Saved | Written
+Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
+Report = Compiling | Ready | Update | Saved | Written

@@ -1,29 +1,35 @@
-"""Publishes the live pose: for each odometry message at once, on the newest estimate that is known."""
+"""Publishes the live pose: one for each odometry message at once, based on the newest estimate."""
 
 import time
 
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.service.config import Config
 from wayfi.service.daemon.diagnostics import Diagnostics
+from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import Received
 
 
 class LivePublisher:
-    """Never publishes a pose that is older than the last; `has_published` says whether there was one."""
+    """Publishes poses in the order of their stamps: one that is not newer than the last is left out."""
 
-    def __init__(self, live: LivePose, publishers: Publishers, diagnostics: Diagnostics) -> None:
+    def __init__(
+        self, config: Config, calibration: Calibration | None, publishers: Publishers, diagnostics: Diagnostics
+    ) -> None:
+        self._config = config.odometry
+        self._wheels = calibration.wheels if calibration else None
         self._publishers = publishers
         self._diagnostics = diagnostics
         self._published_ns = -1
-        self.begin(live)
+        self.reset()
 
-    def begin(self, live: LivePose) -> None:
-        """Go on with another live pose, which knows nothing yet."""
-        self._live = live
+    def reset(self) -> None:
+        """Start from a live pose without any estimate."""
+        self._live = LivePose(self._config, self._wheels)
         self._newest: Estimate | None = None
         self._adopt_from_s = 0.0
 
@@ -32,8 +38,8 @@ class LivePublisher:
         """Whether a pose has been published."""
         return self._published_ns >= 0
 
-    def take(self, received: Received) -> None:
-        """Publish the pose of an odometry message; one that cannot be decoded has none."""
+    def handle(self, received: Received) -> None:
+        """Publish the pose of an odometry message, if it can be decoded and is used."""
         try:
             odometry = decode(received.data, Sensor.ODOM, received.encoding)
         except CodecError:
@@ -44,20 +50,20 @@ class LivePublisher:
             self.publish(pose, received.received_s)
 
     def publish(self, pose: PosePublished, received_s: float) -> None:
-        """Publish a pose, whose message was received at `received_s` of the monotonic clock."""
+        """Publish a pose, whose message was received at `received_s`, monotonic."""
         if pose.stamp_ns > self._published_ns:
             self._published_ns = pose.stamp_ns
             self._publishers.publish_pose(pose)
-            self._diagnostics.take(pose, received_s)
+            self._diagnostics.handle(pose, received_s)
 
-    def know(self, estimate: Estimate) -> None:
-        """This estimate is to be adopted, in place of one before that has not been yet."""
+    def set_estimate(self, estimate: Estimate) -> None:
+        """Set the estimate to adopt next, in place of an earlier one that has not been adopted."""
         self._newest = estimate
 
     def adopt(self) -> int | None:
-        """Use the newest estimate and return its number, None where there is no other.
+        """Base poses on the newest estimate and return its number; None where there is no newer one yet.
 
-        Where that takes long, messages come first four fifths of the time.
+        After an adoption the next has to wait for four times as long as it took, in which messages are handled.
         """
         estimate, now_s = self._newest, time.monotonic()
         if estimate is None or now_s < self._adopt_from_s:

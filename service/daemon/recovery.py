@@ -1,4 +1,4 @@
-"""Back to where a daemon was killed: its last checkpoint, and what its black box holds since."""
+"""Recovers the drive of a killed daemon from its last checkpoint and what the black box holds since."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from wayfi.service.replay.replayers import BlackBoxReplayer
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """A drive that is back; `replayed` messages had come since its checkpoint, and where `whole` none is missing."""
+    """A recovered drive: `replayed` messages were fed since its checkpoint; where it is `whole` none is missing."""
 
     live: LiveDrive
     replayed: int
@@ -28,7 +28,7 @@ class Recovered:
 
 
 def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> Recovered:
-    """The drive of `folder` as of the last message that its black box holds."""
+    """The drive in `folder` as of the last message of its black box; it logs to `log` from then on."""
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
     whole = records is not None or begins_at_first(folder, BLACKBOX)
@@ -46,27 +46,27 @@ def recover(folder: Path, config: Config, calibration: Calibration | None, log: 
 
 
 def _since(folder: Path, checkpoint: Checkpoint) -> Iterator[Record] | None:
-    """The records after the checkpoint's mark; None where the black box does not hold it."""
+    """The records after the control record of a checkpoint; None where the black box does not hold that."""
     parts = parts_of(folder, BLACKBOX)
     for k in range(len(parts) - 1, -1, -1):
         records = _records(parts[k : k + 1])
-        if any(_is_mark(record, checkpoint.number) for record in records):
+        if any(_is_of_checkpoint(record, checkpoint.number) for record in records):
             return chain(records, _records(parts[k + 1 :]))
     return None
 
 
-def _is_mark(record: Record, number: int) -> bool:
+def _is_of_checkpoint(record: Record, number: int) -> bool:
     if record.topic != CONTROL_TOPIC:
         return False
     try:
-        mark = parse_control_record(record.data)
+        control = parse_control_record(record.data)
     except ControlRecordError:
         return False
-    return mark.kind is ControlKind.CHECKPOINT and mark.number == number
+    return control.kind is ControlKind.CHECKPOINT and control.number == number
 
 
 def _records(parts: list[Path]) -> Iterator[Record]:
-    """All that is complete, part after part; a part of which nothing can be read holds nothing."""
+    """The complete records of all parts in order; a part that cannot be read is skipped."""
     for part in parts:
         try:
             yield from open_recording(part)

@@ -1,4 +1,4 @@
-"""`wayfi run`: a session on Zenoh, and one run after another on it."""
+"""`wayfi run`: opens a session on Zenoh and makes one run after another on it."""
 
 import zenoh
 
@@ -9,37 +9,39 @@ from wayfi.service.daemon.daemon import Daemon
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.transport.connection_watch import ConnectionWatch
-from wayfi.service.transport.zenoh_session import UnreachableError, open_session, patiently
+from wayfi.service.transport.zenoh_session import UnreachableError, open_session, open_with_retries
 
 
 def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = False, quiet: bool = False) -> int:
-    """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs only what warns.
+    """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs warnings only.
 
-    Goes on with the newest run if that was not stopped, unless `fresh`; a reset begins a new one. Raises ZenohError
-    where its endpoints cannot be had, RunFolderError where its folder cannot, DaemonError where it cannot end well.
+    Resumes the newest run if that was not stopped cleanly, unless `fresh`; a reset begins a new run. Raises ZenohError
+    where the endpoints cannot be used, RunFolderError where the folder cannot, DaemonError where a run cannot go on or
+    its results cannot be written.
     """
     log = LogLines(quiet)
     with StopSignal() as stop:
-        session = _meet(config, stop, log)
+        session = _open_patiently(config, stop, log)
         if session is not None:
             with session, ConnectionWatch(session, config.zenoh, log):
                 while not stop.requested:
-                    Daemon(config, calibration, open_run_folder(config, calibration, fresh), session, log).run(stop)
+                    folder = open_run_folder(config, calibration, fresh)
+                    Daemon(config, calibration, folder, session, log, stop).run()
                     fresh = True
     return 0
 
 
-def _meet(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | None:
-    """The session. A client waits until there is a router, or until it is told to stop: None."""
-    said: set[str] = set()
+def _open_patiently(config: Config, stop: StopSignal, log: LogLines) -> zenoh.Session | None:
+    """The session. A client waits until there is a router; None where a stop is requested meanwhile."""
+    logged: set[str] = set()
 
     def keep_trying(error: UnreachableError) -> bool:
-        if str(error) not in said:
+        if str(error) not in logged:
             log.warning("waiting", text=error)
-        said.add(str(error))
+        logged.add(str(error))
         return not stop.requested
 
     try:
-        return patiently(lambda: open_session(config.zenoh), keep_trying)
+        return open_with_retries(lambda: open_session(config.zenoh), keep_trying)
     except UnreachableError:
         return None

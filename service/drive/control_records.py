@@ -1,4 +1,4 @@
-"""What a black box holds beside the messages: marks of what the daemon did between two of them, as JSON."""
+"""Control records: what the daemon did between two messages, as JSON in its black box."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -9,35 +9,35 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC
 
 
 class ControlRecordError(WayfiError):
-    """A mark that no daemon wrote."""
+    """Bytes that are not a control record."""
 
 
 class ControlKind(StrEnum):
-    """What was done."""
+    """What the daemon did."""
 
-    ADOPT = "adopt"
-    CHECKPOINT = "checkpoint"
-    AWAY = "away"
-    COMMAND = "command"
+    ADOPT = "adopt"  # based the live pose on an estimate
+    CHECKPOINT = "checkpoint"  # saved the drive
+    AWAY = "away"  # missed messages, and resumed
+    COMMAND = "command"  # executed a command
 
 
 @dataclass(frozen=True, slots=True)
 class ControlRecord:
-    """One thing done: estimate or checkpoint `number`, ms away, or the command whose name is `text`."""
+    """One action: `number` is that of the estimate or checkpoint, or the ms away; `text` the name of the command."""
 
     kind: ControlKind
     number: int = 0
     text: str = ""
 
     def to_json(self) -> bytes:
-        """The mark as bytes."""
+        """The record as JSON in UTF-8."""
         return json.dumps(asdict(self)).encode()
 
 
 def parse_control_record(data: bytes) -> ControlRecord:
-    """The control record of `ControlRecord.to_json`'s bytes. Raises ControlRecordError."""
+    """The record that `ControlRecord.to_json` made these bytes of. Raises ControlRecordError."""
     try:
         fields = json.loads(data)
         return ControlRecord(ControlKind(fields["kind"]), int(fields["number"]), str(fields["text"]))
     except (ValueError, KeyError, TypeError) as error:
-        raise ControlRecordError(f"{CONTROL_TOPIC}: {data[:80]!r} is no mark: {error}") from None
+        raise ControlRecordError(f"{CONTROL_TOPIC}: {data[:80]!r} is no control record: {error}") from None

@@ -1,4 +1,4 @@
-"""What came in, what was dropped and why, and what a person should know: the counts behind report.json."""
+"""The counts behind report.json: messages, drops by reason, verdicts, warnings and changes of state."""
 
 from collections import Counter, deque
 from collections.abc import Mapping
@@ -7,7 +7,7 @@ from typing import Any
 from wayfi.frontends.events import ClosureJudged, Dropped, Event, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
 
-MOST_TEXT = 500  # letters of a warning
+MOST_TEXT = 500  # characters of a warning
 MOST_WARNINGS = 1000  # different ones
 MOST_CHANGES = 10_000  # of state, the newest
 
@@ -24,7 +24,7 @@ def merged(*drops: Mapping[str, Mapping[str, int]]) -> Drops:
 
 
 class Counters:
-    """Counts by topic, verdicts by candidate, warnings and changes of state, in the order they came."""
+    """Counts by topic, verdicts by candidate, warnings and changes of state, in order; all bounded but the verdicts."""
 
     def __init__(self, topics: dict[Sensor, str]) -> None:
         self._topics = topics
@@ -36,8 +36,8 @@ class Counters:
         self._status_changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self.verdicts: dict[int, ClosureJudged] = {}
 
-    def take(self, event: Event) -> None:
-        """Count what an event says."""
+    def count(self, event: Event) -> None:
+        """Count an event."""
         match event:
             case Dropped():
                 self.drop(self._topics[event.sensor], event.reason)
@@ -51,13 +51,13 @@ class Counters:
 
     @property
     def warnings(self) -> list[str]:
-        """The first `MOST_WARNINGS` different ones, in the order in which they first came; then how often, if again."""
+        """The first `MOST_WARNINGS` different warnings in order, then the counts of those that were repeated."""
         texts = [*self._warnings, *(f"{count} times: {text}" for text, count in self._warnings.items() if count > 1)]
         return texts + ([f"{self._more_warnings} more warnings"] if self._more_warnings else [])
 
     @property
     def status_changes(self) -> list[dict[str, Any]]:
-        """The newest changes of state: stamp (s), state, reason."""
+        """The newest `MOST_CHANGES` changes of state: stamp (s), state, reason."""
         return list(self._status_changes)
 
     def warn(self, text: str) -> None:
@@ -69,12 +69,12 @@ class Counters:
             self._more_warnings += 1
 
     def drop_many(self, topic: str, reasons: Mapping[str, int]) -> None:
-        """Count messages that never came here."""
+        """Count messages that were dropped before they reached the drive, by reason."""
         self.dropped.setdefault(topic, Counter()).update(reasons)
         self.drops += sum(reasons.values())
 
     def drop(self, topic: str, reason: str) -> int:
-        """Count a message that was not used; returns how many there are of its kind."""
+        """Count a message that was not used; returns the count of this topic and reason."""
         counts = self.dropped.setdefault(topic, Counter())
         counts[str(reason)] += 1
         self.drops += 1

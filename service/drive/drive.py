@@ -1,4 +1,4 @@
-"""One drive from its bytes to its files: decoding, the pipeline, the log and the counts, the same for every source."""
+"""One drive: decoding, the pipeline, the log and the counters, the same for every source."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from wayfi.service.drive.timing import StageTimer
 
 
 class Drive:
-    """Feed it messages in their order; it never raises for what a message holds."""
+    """Decodes and processes messages in their order; no content of a message makes it raise."""
 
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
         self.config = config
@@ -28,11 +28,11 @@ class Drive:
         self.log = log
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the log, which is open: whoever loads a drive gives it another."""
+        """Everything but the log, which is open; an unpickled drive has to be given another."""
         return vars(self) | {"log": NullLog()}
 
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> list[Event]:
-        """Take one message; returns what became known by it, which is still to be shown."""
+        """Decode and process one message; returns the events, for `show`."""
         measurement = self.decode(sensor, encoding, data)
         return [] if measurement is None else self.process(measurement)
 
@@ -42,7 +42,7 @@ class Drive:
         return self.process(measurement)
 
     def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | None:
-        """Count one message and decode it; None where it says nothing."""
+        """Count one message and decode it; None, and counted as dropped, where that is impossible."""
         topic = self.topics[sensor]
         self.counters.messages[topic] += 1
         try:
@@ -54,26 +54,26 @@ class Drive:
             return None
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
-        """Take what was decoded, and the pose that was published for it already, if one was."""
+        """Process a measurement, for which `published` has been published already; returns the events."""
         with self.timer("process"):
             return self.pipeline.process(measurement, published)
 
     def show(self, events: list[Event]) -> None:
-        """Count and log what `feed` returned; after it was published, for the log is the slower of the two."""
+        """Count and log events; to be called after they were published, because logging takes longer."""
         with self.timer("log"):
             for event in events:
-                self.counters.take(event)
+                self.counters.count(event)
                 self.log.log(event)
             if any(isinstance(event, GraphUpdated) for event in events):
-                self.log.log_durations(self.timer.take())
+                self.log.log_durations(self.timer.pop_durations())
 
     def history(self) -> list[Event]:
-        """What a log that begins now has to show first: the map, and the closures that hold it together."""
+        """The events with which a new log has to begin: the map and the accepted closures."""
         accepted = [v for v in self.counters.verdicts.values() if v.verdict is Verdict.ACCEPTED]
         return self.pipeline.history() + accepted
 
     def finish(self) -> Result:
-        """End the drive and close the log."""
+        """End the drive, close the log and return the result."""
         result, events = self.pipeline.finish()
         self.show(events)
         self.log.close()

@@ -1,4 +1,4 @@
-"""A drive as a daemon has it: messages, and between them what the daemon did, as its black box holds both."""
+"""A drive as in a daemon: messages, and between them the control records of what the daemon did."""
 
 import pickle
 import traceback
@@ -17,10 +17,10 @@ from wayfi.service.drive.drive import Drive
 
 
 class LiveDrive:
-    """The same messages and marks in the same order give the same drive, with the same poses published.
+    """The same messages and control records in the same order give the same drive, with the same published poses.
 
-    It has a live pose of its own, which does what the daemon's does, one message after the other. `told` is the
-    number of its newest estimate, `checkpoints` that of its newest checkpoint.
+    Its live pose repeats what the daemon's did. `newest` is the serial number of its newest estimate, `checkpoints` the
+    number of its newest checkpoint; both are 0 before the first.
     """
 
     def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
@@ -28,11 +28,11 @@ class LiveDrive:
         self._wheels = calibration.wheels if calibration else None
         self._live = LivePose(config.odometry, self._wheels)
         self._estimates: dict[int, Estimate] = {}
-        self.told = 0
+        self.newest = 0
         self.checkpoints = 0
 
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> tuple[list[Event], PosePublished | None]:
-        """Take a message; returns what became known by it, and the pose that the live pose gave for it before."""
+        """Process a message; returns the events, and the pose that was published for it beforehand, if one was."""
         measurement = self.drive.decode(sensor, encoding, data)
         if measurement is None:
             return [], None
@@ -43,55 +43,55 @@ class LiveDrive:
             return self._failed(sensor, measurement, error), published
 
     def _failed(self, sensor: Sensor, measurement: Measurement, error: Exception) -> list[Event]:
-        """A fault of ours, not of the message; a robot that nobody watches goes on all the same."""
+        """The events of a message whose processing raised: a bug of wayfi, which must not stop the robot."""
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"internal error, please report it: {error!r} at {Path(place.filename).name}:{place.lineno}"
         dropped = Dropped(sensor, measurement.stamp_ns, DropReason.INTERNAL_ERROR)
         return [dropped, Warned(measurement.stamp_ns, text)]
 
     def new_estimate(self) -> Estimate | None:
-        """The newest estimate, where it is another than what this returned last; to be asked after every message."""
-        estimate = self.drive.pipeline.new_estimate(self.told + 1)
+        """The newest estimate, None where it is the one returned last; to be called after every message."""
+        estimate = self.drive.pipeline.new_estimate(self.newest + 1)
         if estimate is not None:
-            self.told = estimate.serial
+            self.newest = estimate.serial
             self._estimates[estimate.serial] = pickle.loads(pickle.dumps(estimate))
         return estimate
 
     @classmethod
     def restored(cls, data: bytes, log: Log) -> Self:
-        """The drive of a checkpoint, which logs to `log` from now on."""
+        """The drive that `checkpoint` made these bytes of; it logs to `log`."""
         live: Self = pickle.loads(data)
         live.drive.log = log
         return live
 
     def checkpoint(self, number: int) -> bytes:
-        """The drive as bytes, to go on from after a restart; this one goes on from them as well, and so alike."""
+        """The pickled drive. This object becomes the unpickled copy, so that a resumed drive gives exactly the same."""
         self.checkpoints = number
         data = pickle.dumps(self, protocol=pickle.HIGHEST_PROTOCOL)
         vars(self).update(vars(self.restored(data, self.drive.log)))
         return data
 
-    def obey(self, mark: ControlRecord) -> list[Event]:
-        """Do what the daemon did."""
-        match mark.kind:
+    def apply(self, record: ControlRecord) -> list[Event]:
+        """Repeat what the daemon did; returns the events."""
+        match record.kind:
             case ControlKind.CHECKPOINT:
-                self.checkpoint(mark.number)
+                self.checkpoint(record.number)
             case ControlKind.ADOPT:
-                self._adopt(mark.number)
+                self._adopt(record.number)
             case ControlKind.AWAY:
-                return self._go_on(mark.number * 1e-3)
+                return self._resume(record.number * 1e-3)
         return []
 
     def _adopt(self, serial: int) -> None:
-        """Of a black box with a hole, the newest that there is in its place."""
+        """Base the live pose on the estimate of this number, or on the newest before where messages are missing."""
         known = [number for number in self._estimates if number <= serial]
         if known:
             self._live.adopt(self._estimates[max(known)])
         for number in known:
             del self._estimates[number]
 
-    def _go_on(self, seconds: float) -> list[Event]:
-        """The daemon was away, and begins with a live pose that knows nothing yet."""
+    def _resume(self, seconds: float) -> list[Event]:
+        """Resume after so many seconds without messages, with a live pose without any estimate."""
         self._estimates.clear()
         self._live = LivePose(self.drive.config.odometry, self._wheels)
         return self.drive.pipeline.resume(seconds)

@@ -1,4 +1,4 @@
-"""The files that a drive leaves: every one always exists, an existing folder is overwritten file by file."""
+"""Writes the files of a drive: every one always exists, an existing folder is overwritten file by file."""
 
 import hashlib
 import json
@@ -29,7 +29,7 @@ PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "re
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What a drive was read from: seconds it took, seconds recorded, its hash, and what was wrong with it."""
+    """The source of a drive: seconds that reading it took, seconds recorded, its hash in hexadecimal, its warnings."""
 
     wall_s: float
     recording_s: float
@@ -40,7 +40,7 @@ class Source:
 def write_results(
     directory: Path, drive: Drive, result: Result, source: Source, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Write every file of a drive into `directory`; returns the report, `extra` in it as it is."""
+    """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
     with drive.timer("files"):
         _write_estimate(directory, result)
         write_closures(directory / "closures.csv", drive.counters.verdicts.values())
@@ -54,7 +54,7 @@ def write_results(
 
 
 def hash_of(paths: Sequence[Path]) -> str:
-    """The hash of the files' bytes, one after another, in hexadecimal."""
+    """The SHA-256 of the files' bytes, one after another, in hexadecimal."""
     digest = hashlib.sha256()
     for path in paths:
         with path.open("rb") as file:
@@ -81,9 +81,9 @@ def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlac
 
 
 def _peak_memory_mb() -> float:
-    """The most that this process and the one that logs have taken, added.
+    """The peaks of this process and of the one that logs, added, MB.
 
-    Linux starts getrusage's figure for a process at what its parent had taken; VmHWM is its own.
+    On Linux getrusage's peak of a process includes that of its parent at the fork; VmHWM does not.
     """
     kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     own_kb, logging_kb = (resource.getrusage(kind).ru_maxrss for kind in kinds)

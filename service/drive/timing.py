@@ -1,4 +1,4 @@
-"""How long each stage takes, in bounded memory: measured beside the pipeline, never read by it."""
+"""How long each stage takes, in bounded memory; the pipeline never reads it."""
 
 import math
 import time
@@ -14,7 +14,7 @@ MOST_BLOCKS = 200
 
 
 class StageTimer:
-    """What the calls of every stage cost."""
+    """Measures the calls of every stage."""
 
     def __init__(self) -> None:
         self._stages: defaultdict[str, StageCost] = defaultdict(StageCost)
@@ -29,8 +29,8 @@ class StageTimer:
         self._stages[stage].add(seconds)
         self._last[stage] = seconds
 
-    def take(self) -> dict[str, float]:
-        """The seconds of the last call of every stage that ran since this was last asked."""
+    def pop_durations(self) -> dict[str, float]:
+        """The seconds of the last call of every stage that ran since this was last called."""
         self._last, last = {}, self._last
         return last
 
@@ -40,7 +40,7 @@ class StageTimer:
 
 
 class StageCost:
-    """The seconds of a stage's calls: how often each length came, and how they add up along the drive."""
+    """The durations of a stage's calls: their histogram, and their sums along the drive."""
 
     def __init__(self) -> None:
         self._bins: Counter[int] = Counter()
@@ -48,20 +48,20 @@ class StageCost:
         self._along = CostAlong()
 
     def add(self, seconds: float) -> None:
-        """Take one more call."""
+        """Add a call."""
         self._bins[math.floor(math.log(max(seconds, SHORTEST_S)) / BIN)] += 1
         self._longest_s = max(self._longest_s, seconds)
         self._along.add(seconds)
 
     def quantile_s(self, share: float) -> float:
-        """The length that `share` (0 to 1) of the one or more calls do not exceed, to 2.5 %."""
+        """The duration that `share` (0 to 1) of the calls do not exceed, to 2.5 %; there has to be a call."""
         numbers = sorted(self._bins)
         up_to = np.cumsum([self._bins[number] for number in numbers])
         middle = numbers[int(np.searchsorted(up_to, share * up_to[-1]))] + 0.5
         return min(math.exp(middle * BIN), self._longest_s)
 
     def summary(self) -> dict[str, float]:
-        """What the report says of one or more calls."""
+        """Seconds in all; ms of a call: p50, p99, max, means of the first and last tenth. There has to be a call."""
         milliseconds = {
             "p50_ms": self.quantile_s(0.5),
             "p99_ms": self.quantile_s(0.99),
@@ -87,7 +87,7 @@ class CostAlong:
         return math.fsum(self._blocks_s)
 
     def add(self, seconds: float) -> None:
-        """Take one more call."""
+        """Add a call."""
         if self._calls == self._block_calls * MOST_BLOCKS:
             self._blocks_s = [a + b for a, b in zip(self._blocks_s[::2], self._blocks_s[1::2], strict=True)]
             self._block_calls *= 2
@@ -97,7 +97,7 @@ class CostAlong:
         self._calls += 1
 
     def mean_s(self, begin: float, end: float) -> float:
-        """The mean of the calls from share `begin` to share `end` of all; the calls of one block count alike."""
+        """The mean duration from share `begin` to share `end` of all calls, each taken as long as its block's mean."""
         ends = np.minimum(self._block_calls * np.arange(len(self._blocks_s) + 1), self._calls)
         before, up_to = np.interp(np.array([begin, end]) * self._calls, ends, np.cumsum([0.0, *self._blocks_s]))
         return float(up_to - before) / ((end - begin) * self._calls)

@@ -1,4 +1,4 @@
-"""A short made-up drive before the real one: what is compiled or loaded at first use is ready when the robot starts.
+"""A short simulated drive before the real one: code that is compiled or loaded at first use is ready afterwards.
 
 numba compiles 38 functions, and 135 of its own for them, in 22 s on a free core and in a minute beside other work: once
 for each machine, user and version of the sources. Loading them takes 1 s. None is compiled for two types of array, so
@@ -35,7 +35,7 @@ Sense = Callable[[int, float], tuple[Sensor, Measurement]]
 
 @cache
 def warm_up() -> None:
-    """Feed the made-up drive through a pipeline of its own, and forget it; once in each process.
+    """Feed the simulated drive to a pipeline of its own, and discard it; once in each process.
 
     Where that had to be compiled, a drive with a 3D LiDAR follows.
     """

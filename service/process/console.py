@@ -1,4 +1,4 @@
-"""What a command says: progress and words on stderr, its result on stdout, or one JSON object in its place."""
+"""The output of a command: progress and errors on stderr, its result on stdout, as text or as one JSON object."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -15,7 +15,7 @@ from wayfi.service.process.compilation import watch_compilation
 
 @dataclass(frozen=True)
 class Output:
-    """How much a command says. `quiet` leaves errors alone; `as_json` makes stdout one JSON object."""
+    """Prints a command's output. With `quiet` only errors; with `as_json` stdout is one JSON object."""
 
     quiet: bool = False
     as_json: bool = False

@@ -1,4 +1,4 @@
-"""The daemon's log on stderr, one line for each thing worth knowing.
+"""The daemon's log on stderr, one line an event.
 
 A terminal gets `time level event key=value ...`, anything else JSON with `time`, `level`, `event` and the same keys.
 """
@@ -9,19 +9,19 @@ from datetime import UTC, datetime
 
 
 class LogLines:
-    """Writes the lines; with `quiet` only those that warn."""
+    """Writes the lines; with `quiet` only warnings."""
 
     def __init__(self, quiet: bool = False) -> None:
         self._quiet = quiet
         self._line = _plain if sys.stderr.isatty() else _json
 
     def info(self, event: str, **fields: object) -> None:
-        """Something happened as it should."""
+        """Log an expected event."""
         if not self._quiet:
             self._write("info", event, fields)
 
     def warning(self, event: str, **fields: object) -> None:
-        """Something a person should look at; the daemon goes on."""
+        """Log an event that a person should look at; the daemon goes on."""
         self._write("warning", event, fields)
 
     def _write(self, level: str, event: str, fields: dict[str, object]) -> None:
@@ -40,6 +40,6 @@ def _json(moment: str, level: str, event: str, fields: dict[str, object]) -> str
 
 
 def _quoted(text: str) -> str:
-    """`text` as it is where that is one plain word, else in JSON's quotes, on one line."""
+    """`text` unchanged where it is one plain word, else as a JSON string, on one line."""
     plain = text.isprintable() and text and not set(text) & set(' "=')
     return text if plain else json.dumps(text)

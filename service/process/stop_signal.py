@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as something to look at between two messages."""
+"""SIGINT and SIGTERM as a request that is checked between two messages."""
 
 import signal
 from threading import current_thread, main_thread
@@ -19,7 +19,7 @@ class StopSignal:
 
     def __enter__(self) -> Self:
         for number in (signal.SIGINT, signal.SIGTERM) if current_thread() is main_thread() else ():
-            self._before[number] = signal.signal(number, self._take)
+            self._before[number] = signal.signal(number, self._handle)
         return self
 
     def __exit__(
@@ -28,6 +28,6 @@ class StopSignal:
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
-    def _take(self, number: int, _: FrameType | None) -> None:
+    def _handle(self, number: int, _: FrameType | None) -> None:
         self.name = self.name or signal.Signals(number).name
         self.requested = True

@@ -1,4 +1,4 @@
-"""`wayfi publish`: a recording onto Zenoh, as a robot would put it there."""
+"""`wayfi publish`: puts a recording on Zenoh, as a robot would."""
 
 import time
 from collections import Counter
@@ -17,7 +17,13 @@ from wayfi.service.config import Config, ZenohConfig
 from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.transport.publishers import ALIVE
 from wayfi.service.transport.subscribers import SYNC
-from wayfi.service.transport.zenoh_session import RefusedError, UnreachableError, key_of, open_guest_session, patiently
+from wayfi.service.transport.zenoh_session import (
+    RefusedError,
+    UnreachableError,
+    key_of,
+    open_guest_session,
+    open_with_retries,
+)
 
 WAIT_S = 10.0
 SYNC_S = 60.0
@@ -28,12 +34,12 @@ Channel = tuple[str, str, str]
 
 
 class PublishError(WayfiError):
-    """Nothing to publish, or nobody to publish to."""
+    """Nothing to publish, nobody who listens, or a listener that is too slow."""
 
 
 @dataclass(frozen=True, slots=True)
 class PublishSummary:
-    """How many messages of each topic were put, in how long; what was not, and why; what the recording warns of."""
+    """Messages put by topic, the seconds it took, unused topics with the reason, the recording's warnings."""
 
     messages: dict[str, int]
     seconds: float
@@ -44,10 +50,10 @@ class PublishSummary:
 def publish_recording(
     path: Path, config: Config, rate: float | None, progress: Callable[[float], None] = lambda _: None
 ) -> PublishSummary:
-    """Put the sensors' messages of a recording at `rate` times real time (None: as fast as they are taken).
+    """Put the sensors' messages of a recording at `rate` times real time (None: as fast as they are received).
 
-    Returns when they have been received. Raises RecordingError, ZenohError, or PublishError where there is nobody
-    who listens.
+    Returns when they have been received; calls `progress` with the share done, 0 to 1. Raises RecordingError,
+    ZenohError or PublishError.
     """
     recording = open_recording(path)
     deadline_s = time.monotonic() + WAIT_S
@@ -69,14 +75,14 @@ def _connect(config: ZenohConfig, deadline_s: float) -> zenoh.Session:
         return not isinstance(error, RefusedError) and time.monotonic() < deadline_s
 
     try:
-        return patiently(lambda: open_guest_session(config), may_come)
+        return open_with_retries(lambda: open_guest_session(config), may_come)
     except RefusedError:
         raise
     except UnreachableError:
-        raise _nobody(config) from None
+        raise _no_listener(config) from None
 
 
-def _nobody(config: ZenohConfig) -> PublishError:
+def _no_listener(config: ZenohConfig) -> PublishError:
     where = ", ".join(config.connect or config.listen)
     return PublishError(f"nobody listens at {where}: start `wayfi run` first, or see zenoh.connect")
 
@@ -94,7 +100,10 @@ def _put_all(
 
 
 class _Outlet:
-    """Reliable publishers, one for each channel that feeds a sensor; `unused` topics with the reason."""
+    """Reliable publishers, one for each channel that feeds a sensor.
+
+    `messages` counts what was put, by topic; `unused` are the other topics, with the reason.
+    """
 
     def __init__(self, session: zenoh.Session, config: Config, opened: ExitStack) -> None:
         self._session = session
@@ -120,11 +129,11 @@ class _Outlet:
         publishers = [self._publisher(topic, Encoding.CDR) for topic in self._topics.values()]
         while not (self._daemon_is_ready() or any(map(has_subscriber, publishers))):
             if time.monotonic() > deadline_s:
-                raise _nobody(self._config)
+                raise _no_listener(self._config)
             time.sleep(POLL_S)
 
     def wait_until_received(self) -> None:
-        """Wait until every listener that can tell has received what was put. Raises PublishError."""
+        """Wait until every listener that answers `wayfi/sync` has received what was put. Raises PublishError."""
         key = key_of(self._config, SYNC)
         for reply in self._session.get(key, target=zenoh.QueryTarget.ALL, timeout=SYNC_S):
             if reply.ok is None:

@@ -25,7 +25,7 @@ class Replayer(Protocol):
 
 
 class _Routes:
-    """Where the records' channels lead, looked up once each; what leads nowhere is kept in `unused`."""
+    """The routes of the records' channels, looked up once each; `unused` are topics without one, with the reason."""
 
     def __init__(self, drive: Drive) -> None:
         self._topics = drive.topics
@@ -43,7 +43,7 @@ class _Routes:
 
 
 class PlainReplayer:
-    """Every message is processed before its pose is published."""
+    """Processes every message before its pose is published."""
 
     def __init__(self, drive: Drive) -> None:
         self.drive = drive
@@ -58,7 +58,7 @@ class PlainReplayer:
 
 
 class BlackBoxReplayer:
-    """Does what the daemon did: a pose is published on the estimate that the daemon had, a restart is a restart."""
+    """Repeats what the daemon did: each pose is based on the estimate that the daemon had adopted."""
 
     def __init__(self, live: LiveDrive) -> None:
         self.live = live
@@ -71,9 +71,9 @@ class BlackBoxReplayer:
         return self.live.drive
 
     def play(self, record: Record) -> None:
-        """Feed the record, or do what its mark says."""
+        """Feed the record's message, or apply its control record."""
         if record.topic == CONTROL_TOPIC:
-            self._obey(record.data)
+            self._apply(record.data)
             return
         found = self._routes.of(record)
         if found.sensor is not None and found.encoding is not None:
@@ -81,11 +81,11 @@ class BlackBoxReplayer:
             self.live.new_estimate()
             self.drive.show(events)
 
-    def _obey(self, data: bytes) -> None:
+    def _apply(self, data: bytes) -> None:
         try:
-            mark = parse_control_record(data)
+            control = parse_control_record(data)
         except ControlRecordError as error:
             self.drive.counters.warn(str(error))
             return
-        self.drive.show(self.live.obey(mark))
+        self.drive.show(self.live.apply(control))
         self.live.new_estimate()

@@ -1,1 +1,1 @@
-"""Zenoh: sessions and who may join them, what comes in, and what goes out."""
+"""Zenoh: sessions and their security, what is received, and what is published."""

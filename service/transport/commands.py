@@ -1,4 +1,4 @@
-"""What a person or a program asks of the daemon: queryables that answer in JSON."""
+"""Commands to the daemon: queryables that reply in JSON."""
 
 import json
 from collections import deque
@@ -26,7 +26,7 @@ class Name(StrEnum):
 
 
 class Command:
-    """A command that waits for its answer; `argument` is empty without."""
+    """A command that waits for its answer; `argument` is empty where none was given."""
 
     def __init__(self, name: Name, argument: str, query: zenoh.Query) -> None:
         self.name = name
@@ -34,7 +34,7 @@ class Command:
         self._query = query
 
     def answer(self, ok: bool, message: str) -> None:
-        """Say what became of it; to somebody who has left, nothing."""
+        """Reply whether it succeeded, with a message for a person; nothing where whoever asked has left."""
         with suppress(zenoh.ZError), self._query as query:
             query.reply(
                 query.key_expr,
@@ -44,7 +44,10 @@ class Command:
 
 
 class Commands(Closing):
-    """Collects commands, at most `MOST_WAITING`, and calls `wake` for each; a context manager. Raises ZenohError."""
+    """Receives commands, of which at most `MOST_WAITING` wait, and calls `wake` for each; a context manager.
+
+    Raises ZenohError.
+    """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, wake: Callable[[], None]) -> None:
         self._wake = wake
@@ -52,21 +55,21 @@ class Commands(Closing):
         with ExitStack() as opened:
             for name in Name:
                 key = key_of(config, f"wayfi/command/{name}")
-                opened.enter_context(session.declare_queryable(key, self._taker(name)))
+                opened.enter_context(session.declare_queryable(key, self._receiver(name)))
             self._opened = opened.pop_all()
 
     def close(self) -> None:
-        """Answer what still waits that the daemon is stopping."""
+        """Undeclare everything, and refuse the commands that still wait."""
         self._opened.close()
-        for command in self.take():
+        while command := self.pop():
             command.answer(False, "the daemon is stopping")
 
-    def take(self) -> list[Command]:
-        """The commands that have come since this was last asked."""
-        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+    def pop(self) -> Command | None:
+        """Remove and return the oldest command that waits, None without one."""
+        return self._waiting.popleft() if self._waiting else None
 
-    def _taker(self, name: Name) -> Callable[[zenoh.Query], None]:
-        def take(query: zenoh.Query) -> None:
+    def _receiver(self, name: Name) -> Callable[[zenoh.Query], None]:
+        def receive(query: zenoh.Query) -> None:
             command = Command(name, _argument(query), query)
             if len(self._waiting) >= MOST_WAITING:
                 command.answer(False, "too many commands wait already")
@@ -74,7 +77,7 @@ class Commands(Closing):
             self._waiting.append(command)
             self._wake()
 
-        return take
+        return receive
 
 
 def _argument(query: zenoh.Query) -> str:

@@ -1,4 +1,4 @@
-"""Says when what the daemon connects to is away, refuses it, or is there again: once each, while Zenoh retries."""
+"""Logs when the daemon's connection is lost, refused or established, while Zenoh keeps trying to connect."""
 
 import socket
 import threading
@@ -14,50 +14,53 @@ PERIOD_S = 2.0
 
 
 class ConnectionWatch(Closing):
-    """Looks every two seconds whether a session has a link to any of `config.connect`; a context manager."""
+    """Checks every `PERIOD_S` whether a session has a link to one of `config.connect`; a context manager.
+
+    Each change is logged once. Without endpoints in `config.connect` it does nothing.
+    """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, log: LogLines) -> None:
         self._session = session
         self._config = config
         self._log = log
-        self._said = ""
-        self._left = threading.Event()
+        self._logged = ""
+        self._closed = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="connection watch", daemon=True)
         if config.connect:
             self._thread.start()
 
     def close(self) -> None:
-        """Stop looking."""
-        self._left.set()
+        """Stop checking."""
+        self._closed.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def _watch(self) -> None:
         while True:
-            self._look()
-            if self._left.wait(PERIOD_S):
+            self._check()
+            if self._closed.wait(PERIOD_S):
                 return
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         linked = self._linked()
         where = ", ".join(self._config.connect)
         text = f"connected to {linked}" if linked else refused_at(self._config) or f"nobody answers at {where}"
-        if text == self._said or self._left.is_set():
+        if text == self._logged or self._closed.is_set():
             return
-        self._said = text
+        self._logged = text
         if linked:
             self._log.info("connected", to=linked)
         else:
             self._log.warning("waiting", text=text)
 
     def _linked(self) -> str | None:
-        """The first endpoint of `config.connect` that there is a link to."""
+        """The first endpoint of `config.connect` that the session has a link to."""
         links = {str(link.dst).split("?")[0] for link in self._session.info.links()}
         return next((e for e in self._config.connect if links & _resolved(e)), None)
 
 
 def _resolved(endpoint: str) -> set[str]:
-    """The endpoint as Zenoh names its links: with the host's addresses in the place of its name."""
+    """The endpoint as Zenoh names its links: with each of the host's addresses in place of its name."""
     protocol, host, port = address_of(endpoint)
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)

@@ -1,4 +1,4 @@
-"""A publisher whose last message is kept for those who come late."""
+"""A publisher whose last message is latched for late subscribers."""
 
 from contextlib import ExitStack
 
@@ -11,7 +11,7 @@ HEARTBEAT_S = 0.5  # rmw_zenoh's own
 
 
 class LatchedPublisher(Closing):
-    """Keeps its last message for subscribers that ask for history, and as the answer to a query; a context manager."""
+    """Latches its last message for late subscribers that ask for history, and for queries; a context manager."""
 
     def __init__(self, session: zenoh.Session, key: str, congestion_control: zenoh.CongestionControl) -> None:
         self._key = key
@@ -37,7 +37,7 @@ class LatchedPublisher(Closing):
         self._opened.close()
 
     def put(self, data: bytes, *, attachment: bytes | None = None) -> None:
-        """Publish `data` and keep it in the place of what was kept."""
+        """Publish `data` and latch it."""
         self._last = data, attachment
         self._publisher.put(data, attachment=attachment)
 

@@ -1,4 +1,4 @@
-"""What the daemon publishes, as CDR: pose, transform, map and status."""
+"""The daemon's output messages in CDR: pose, transform, map and status."""
 
 import math
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ def transform_message(event: PosePublished) -> bytes:
 
 
 def map_message(event: GridRedrawn, config: MapConfig) -> bytes:
-    """An OccupancyGrid of occupied, free and unknown cells, as Nav2's map_server makes it of the saved map."""
+    """An OccupancyGrid in `map`: 100, 0 or -1 for each cell, as Nav2's map_server makes it of the saved map."""
     rows, columns = event.occupancy.shape
     head = header(event.stamp_ns, MAP_FRAME)
     origin = planar_pose(Pose2(*event.origin_xy_m, 0.0))
@@ -47,7 +47,7 @@ def map_message(event: GridRedrawn, config: MapConfig) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """One diagnostic status named `wayfi`: its `level`, what a person should read, and the values."""
+    """The diagnostic status named `wayfi`: its level (OK, WARN or ERROR), a message for a person, and the values."""
 
     level: int
     message: str
@@ -55,7 +55,7 @@ class Status:
 
 
 def status_message(stamp_ns: int, status: Status) -> bytes:
-    """A DiagnosticArray of one status."""
+    """A DiagnosticArray with this status."""
     values = [new_message("diagnostic_msgs/msg/KeyValue", key, value) for key, value in status.values.items()]
     one = new_message("diagnostic_msgs/msg/DiagnosticStatus", status.level, "wayfi", status.message, "", values)
     return _cdr(new_message(DIAGNOSTIC_ARRAY, header(stamp_ns, ""), [one]), DIAGNOSTIC_ARRAY)

@@ -1,4 +1,4 @@
-"""Zenoh out: pose and transform as they are known, the map kept for those who come late, the status."""
+"""Zenoh out: pose, transform, and the latched map and status."""
 
 from contextlib import ExitStack
 
@@ -19,9 +19,9 @@ ALIVE = "wayfi/alive"
 
 
 class Publishers(Closing):
-    """Publishes; a context manager. Nothing here waits for a subscriber that is slow.
+    """Publishes under `wayfi/`, and to ROS 2 as `zenoh.ros` says; a context manager. No slow subscriber delays a pose.
 
-    `unpublished` counts the poses whose stamp no ROS time can hold.
+    `unpublished` counts the poses whose stamp a ROS time cannot hold. Raises ZenohError.
     """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
@@ -44,19 +44,19 @@ class Publishers(Closing):
         self._opened.close()
 
     def announce(self) -> zenoh.LivelinessToken:
-        """The word that all is ready; it holds as long as the token that is returned, a context manager."""
+        """Declare that the daemon is ready, as long as the returned token, a context manager, is open."""
         return self._session.liveliness().declare_token(key_of(self._config, ALIVE))
 
     def publish_map(self, data: bytes) -> None:
-        """Publish the map, an OccupancyGrid's bytes; who takes it slowly holds up the next map and nothing else."""
+        """Publish the map, an OccupancyGrid in CDR; a slow subscriber delays the next map and nothing else."""
         self._maps.put(data)
 
     def publish_status(self, stamp_ns: int, status: Status) -> None:
-        """Publish the status, as of the wall clock's `stamp_ns`."""
+        """Publish the status, as of `stamp_ns` on the wall clock."""
         self._status.put(status_message(stamp_ns, status))
 
     def publish_pose(self, event: PosePublished) -> None:
-        """Publish a pose and the transform that goes with it."""
+        """Publish a pose and its transform map -> odom."""
         try:
             pose, transform = pose_message(event), transform_message(event)
         except CodecError:

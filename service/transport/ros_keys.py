@@ -1,7 +1,7 @@
-"""How ROS 2 names things on Zenoh: the keys, the attachments and the liveliness tokens of rmw_zenoh.
+"""The keys, attachments and liveliness tokens by which rmw_zenoh puts ROS 2 on Zenoh.
 
-After rmw_zenoh_cpp's `liveliness_utils.cpp` and `attachment_helpers.cpp`, as they are since its release 0.2.4. The keys
-of zenoh-bridge-ros2dds need nothing of this: a topic's name below the bridge's namespace.
+Source: rmw_zenoh_cpp's `liveliness_utils.cpp` and `attachment_helpers.cpp`, since its release 0.2.4. A key of
+zenoh-bridge-ros2dds is just the topic's name below the bridge's namespace.
 """
 
 import hashlib
@@ -16,15 +16,15 @@ GID_BYTES = 16
 
 @dataclass(frozen=True, slots=True)
 class RosTopic:
-    """A topic that is published, by its name without a slash in front.
+    """A topic that is published; its name has no slash in front.
 
-    `depth` messages wait for a slow subscriber; where it is `kept`, as many are there for a late one (transient local).
+    `depth` is that of its history; where it is `latched` (transient local), late subscribers get as many messages.
     """
 
     name: str
     type_name: str
     depth: int
-    kept: bool = False
+    latched: bool = False
 
 
 def rmw_key(domain: int, topic: str, type_name: str) -> str:
@@ -38,14 +38,14 @@ def rmw_key_expression(topic: str, type_name: str) -> str:
 
 
 def attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
-    """What goes with each message: its number, when it was put, and the (16,) bytes that name its publisher."""
+    """The attachment of a message: its number, when it was put, and the 16 bytes that identify its publisher."""
     return struct.pack(f"<qqB{GID_BYTES}s", sequence, stamp_ns, GID_BYTES, gid)
 
 
 def gid_of(token: str) -> bytes:
-    """The (16,) bytes that name the publisher of this token.
+    """The 16 bytes that identify the publisher of this token.
 
-    rmw_zenoh takes XXH3 of the token; it needs no more of another's than that they are its own.
+    rmw_zenoh hashes the token with XXH3; of other publishers it only expects that they are unique.
     """
     return hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
 
@@ -56,7 +56,7 @@ def node_token(domain: int, session_id: str, namespace: str) -> str:
 
 
 def publisher_token(domain: int, session_id: str, number: int, namespace: str, topic: RosTopic) -> str:
-    """The liveliness token of the node's publisher of `topic` in `namespace`; `number` is above zero, one for each."""
+    """The liveliness token of the node's publisher of `topic` in `namespace`; each has its own `number` above 0."""
     name = f"/{namespace}/{topic.name}" if namespace else f"/{topic.name}"
     entity = _token(domain, session_id, number, "MP", namespace)
     return f"{entity}/{_mangled(name)}/{_typed(topic.type_name)}/{_qos(topic)}"
@@ -71,8 +71,8 @@ def _mangled(name: str) -> str:
 
 
 def _qos(topic: RosTopic) -> str:
-    """Reliability, durability, history and depth, deadline, lifespan, liveliness; empty where they are the usual."""
-    return f":{'1' if topic.kept else ''}:,{topic.depth}:,:,:,,"
+    """Reliability, durability, history and depth, deadline, lifespan, liveliness; empty where it is the default."""
+    return f":{'1' if topic.latched else ''}:,{topic.depth}:,:,:,,"
 
 
 def _typed(type_name: str) -> str:

@@ -1,4 +1,4 @@
-"""Zenoh out for ROS 2: what Nav2 needs, under the keys where rmw_zenoh or zenoh-bridge-ros2dds looks for it."""
+"""Zenoh out for ROS 2: what Nav2 needs, under the keys of rmw_zenoh or zenoh-bridge-ros2dds."""
 
 import itertools
 import time
@@ -17,7 +17,7 @@ from wayfi.service.transport.zenoh_session import key_of
 
 POSE = RosTopic("wayfi/pose", POSE_WITH_COVARIANCE, depth=10)
 TF = RosTopic("tf", TF_MESSAGE, depth=100)
-MAP = RosTopic("map", OCCUPANCY_GRID, depth=1, kept=True)
+MAP = RosTopic("map", OCCUPANCY_GRID, depth=1, latched=True)
 
 Put = Callable[..., Any]
 
@@ -25,7 +25,7 @@ Put = Callable[..., Any]
 class RosPublishers(Closing):
     """Publishes to ROS 2 in the convention of `zenoh.ros`; nothing where that is "none". A context manager.
 
-    To the bridge a topic's key is the same as wayfi's own, so that the pose is there already.
+    The bridge's key of the pose is wayfi's own, where it is published already. Raises ZenohError.
     """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
@@ -44,7 +44,7 @@ class RosPublishers(Closing):
         self._opened.close()
 
     def put(self, topic: RosTopic, data: bytes) -> None:
-        """Publish a message, if `topic` is one of those that are published."""
+        """Publish a message, if the convention needs `topic`."""
         if topic in self._puts:
             self._puts[topic](data)
 
@@ -64,13 +64,13 @@ class RosPublishers(Closing):
             opened.enter_context(declare_token(token))
 
     def _open(self, opened: ExitStack, topic: RosTopic, key: str) -> Put:
-        if topic.kept:
+        if topic.latched:
             return opened.enter_context(LatchedPublisher(self._session, key, zenoh.CongestionControl.BLOCK)).put
         urgent, cdr = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Encoding.APPLICATION_CDR
         return opened.enter_context(self._session.declare_publisher(key, encoding=cdr, priority=urgent)).put
 
 
 def _numbered(put: Put, gid: bytes) -> Put:
-    """`put` with the attachment without which rmw_zenoh ignores a message."""
+    """`put` with the numbered attachment that rmw_zenoh expects of each message."""
     numbers = itertools.count(1)
     return lambda data: put(data, attachment=attachment(next(numbers), time.time_ns(), gid))

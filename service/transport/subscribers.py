@@ -1,5 +1,6 @@
-"""Zenoh in: callbacks that do no more than put bytes into bounded queues."""
+"""Zenoh in: callbacks that only put what they receive into a bounded queue."""
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
@@ -12,29 +13,29 @@ from wayfi.recordings.closing import Closing
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ZenohConfig
-from wayfi.service.transport.queues import QueueDrop, Queues
+from wayfi.service.transport.message_queue import MessageQueue, QueueDrop, Received
 from wayfi.service.transport.ros_keys import rmw_key_expression
 from wayfi.service.transport.zenoh_session import key_of
 
 SYNC = "wayfi/sync"
-LATCHED_SAMPLES = 1  # of each publisher; a broadcaster of static transforms says all of its own each time
+LATCHED_SAMPLES = 1  # of each publisher: a message of static transforms holds all of its broadcaster's
 
 
 class Subscribers(Closing):
-    """Subscribes to the `topics` of the sensors and fills `queues`; a context manager.
+    """Subscribes to the `topics` of the sensors and fills `inbox`; a context manager.
 
-    A topic's own key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. Those of rmw_zenoh are
-    longer, so that no message comes twice; their attachments say nothing that a message does not, and are not read.
+    A topic's key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. The keys of rmw_zenoh are
+    longer, so that no message is received twice; their attachments hold nothing that is needed and are not read.
 
-    The callbacks run in Zenoh's own receiving threads: only so do messages of one sender keep their order over all
-    topics, and a sender that puts with congestion control BLOCK is slowed down rather than cut off. A query of
-    `wayfi/sync` is answered when all that its asker put before has been received. Raises ZenohError.
+    The callbacks run in Zenoh's receiving threads: messages of one sender keep their order over all topics, and a
+    sender with congestion control BLOCK is slowed down rather than cut off. A query of `wayfi/sync` is answered when
+    all that the same session put before has been received. Raises ZenohError.
     """
 
     def __init__(
-        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], queues: Queues
+        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], inbox: MessageQueue[Received]
     ) -> None:
-        self._queues = queues
+        self._inbox = inbox
         with ExitStack() as opened:
             for sensor, topic in topics.items():
                 key = key_of(config, topic)
@@ -51,11 +52,11 @@ class Subscribers(Closing):
         def receive(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
-            if not self._queues.fits(sensor, len(sample.payload)):
-                self._queues.refuse(sensor, QueueDrop.TOO_LARGE)
+            if not self._inbox.fits(sensor, len(sample.payload)):
+                self._inbox.refuse(sensor, QueueDrop.TOO_LARGE)
                 return
-            is_json = str(sample.encoding).startswith("application/json")
-            self._queues.put(sensor, Encoding.JSON if is_json else Encoding.CDR, sample.payload.to_bytes())
+            encoding = Encoding.JSON if str(sample.encoding).startswith("application/json") else Encoding.CDR
+            self._inbox.put(Received(sensor, encoding, sample.payload.to_bytes(), time.monotonic()))
 
         return receive
 
@@ -66,7 +67,7 @@ def _subscribe(
     sensor: Sensor,
     handler: Any,  # noqa: ANN401 - see _direct
 ) -> "zenoh.Subscriber[None] | AdvancedSubscriber[None]":
-    """A subscriber; to what is said once and kept by its publisher, one that asks for it."""
+    """A subscriber; for static transforms, which are latched, one that asks for the publishers' history."""
     if sensor is not Sensor.TF_STATIC:
         return session.declare_subscriber(keys, handler)
     history = HistoryConfig(detect_late_publishers=True, max_samples=LATCHED_SAMPLES)

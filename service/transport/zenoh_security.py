@@ -1,6 +1,6 @@
-"""Who may connect, and as whom: passwords, certificates and access control, in Zenoh's own settings.
+"""Passwords, certificates and access control, as Zenoh's settings.
 
-Every secret stays in a file of its own: the configuration, which each run saves, holds paths.
+Secrets are in files of their own: the configuration, which each run saves, only holds their paths.
 """
 
 import json
@@ -18,13 +18,13 @@ SECRET = {"password_file", "users_file", "key"}
 
 
 class SecurityError(WayfiError):
-    """A file of zenoh.security that is missing or readable by everyone, or a key that lacks its companion."""
+    """A file of zenoh.security that is missing, wrong or readable by everyone, or a key that lacks its companion."""
 
 
 def security_settings(config: SecurityConfig, admits: bool) -> dict[str, Any]:
-    """Zenoh's settings for `config`, by Zenoh's key; a session that `admits` others also judges who comes and what.
+    """Zenoh's settings for `config`, by Zenoh's key.
 
-    Raises SecurityError.
+    A session that `admits` others also checks their passwords and applies access control. Raises SecurityError.
     """
     _need(config, "user", "password_file")
     _need(config, "password_file", "user")
@@ -38,7 +38,7 @@ def security_settings(config: SecurityConfig, admits: bool) -> dict[str, Any]:
 
 
 def credentials(config: SecurityConfig, endpoint: str) -> str:
-    """What is shown to those who listen at `endpoint`, in words for the one who set it."""
+    """What a session shows to the listener at `endpoint`, as text for a person; no secret is in it."""
     shown = [f"user {config.user!r} with {SECTION}.password_file" if config.user else f"no {SECTION}.user"]
     if endpoint.startswith(("tls/", "quic/")):
         shown.append(f"{SECTION}.certificate" if config.certificate else f"no {SECTION}.certificate")
@@ -99,7 +99,7 @@ def _need(config: SecurityConfig, key: str, companion: str) -> None:
 
 
 def _text(config: SecurityConfig, key: str) -> str:
-    """What is in the file that `key` names; a secret one must not be open to everyone."""
+    """The text of the file that `key` names. Raises SecurityError, also where a secret is readable by everyone."""
     path = Path(getattr(config, key))
     try:
         if key in SECRET and stat.S_IMODE(path.stat().st_mode) & stat.S_IRWXO:

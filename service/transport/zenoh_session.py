@@ -1,4 +1,4 @@
-"""Sessions on Zenoh: nothing is found by multicast, and nothing listens beyond what the configuration says."""
+"""Sessions on Zenoh: without multicast scouting, and listening only where the configuration says."""
 
 import json
 import socket
@@ -15,26 +15,26 @@ from wayfi.service.transport.zenoh_security import credentials, security_setting
 RETRY_S = 0.2
 RETRY = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 PROBE_S = 1.0
-MAX_MESSAGE_BYTES = 64 << 20  # twice the largest cloud; Zenoh's own is 1 GiB, of memory, for each that connects
-WAIT_BEFORE_CLOSE_US = 60_000_000  # of a reliable put to a daemon that is busy; Zenoh's own 5 s would cut it off
+MAX_MESSAGE_BYTES = 64 << 20  # twice the largest cloud; Zenoh's default is 1 GiB, of memory, for each connection
+WAIT_BEFORE_CLOSE_US = 60_000_000  # of a reliable put to a busy daemon; Zenoh's default of 5 s would cut it off
 
 
 class ZenohError(WayfiError):
-    """A session that cannot be opened, or a key that Zenoh does not take."""
+    """A session that cannot be opened, or an invalid key."""
 
 
 class UnreachableError(ZenohError):
-    """Nobody answers at the endpoints to connect to: it may work later."""
+    """Nobody answers at the endpoints to connect to; a later attempt may succeed."""
 
 
 class RefusedError(UnreachableError):
-    """Somebody answers there, and does not let us in: it works when one side's passwords or certificates change."""
+    """Somebody answers there and refuses the connection, because of passwords or certificates."""
 
 
 def open_session(config: ZenohConfig) -> zenoh.Session:
-    """The daemon's session. Raises ZenohError and SecurityError; UnreachableError where a client finds no router.
+    """The daemon's session. A peer or router starts without a connection and keeps trying to connect.
 
-    A peer or router starts alone, and goes on trying to connect.
+    Raises ZenohError and SecurityError; UnreachableError where a client finds no router.
     """
     listen = config.listen if config.mode != "client" else []
     return _open(config.mode, listen, config.connect, config.security)
@@ -43,14 +43,16 @@ def open_session(config: ZenohConfig) -> zenoh.Session:
 def open_guest_session(config: ZenohConfig) -> zenoh.Session:
     """A client of `config.connect`, or else of the daemon at the endpoints where it listens.
 
-    A client, because a peer such as the daemon passes on between a client and others, but not between two peers.
-    Raises ZenohError and SecurityError; UnreachableError where nobody answers.
+    It is a client because the daemon, a peer, routes between a client and others, but not between two peers. Raises
+    ZenohError and SecurityError; UnreachableError where nobody answers.
     """
     return _open("client", [], config.connect or config.listen, config.security)
 
 
-def patiently(open_once: Callable[[], zenoh.Session], keep_trying: Callable[[UnreachableError], bool]) -> zenoh.Session:
-    """What `open_once` opens; asked again while nobody answers and `keep_trying`. Raises ZenohError."""
+def open_with_retries(
+    open_once: Callable[[], zenoh.Session], keep_trying: Callable[[UnreachableError], bool]
+) -> zenoh.Session:
+    """What `open_once` opens; called again while nobody answers and `keep_trying` is true. Raises ZenohError."""
     while True:
         try:
             return open_once()
@@ -77,7 +79,7 @@ def address_of(endpoint: str) -> tuple[str, str, int]:
 
 
 def refused_at(config: ZenohConfig) -> str | None:
-    """Where somebody answers, of `config.connect`, and what is shown to them, in words; None where nobody does."""
+    """Which endpoint of `config.connect` answers and what it was shown, as text; None where none answers."""
     return _refused_at(config.connect, config.security)
 
 
@@ -89,25 +91,25 @@ def _open(mode: str, listen: Sequence[str], connect: Sequence[str], security: Se
         return _open_with(settings)
     except zenoh.ZError as error:
         where = f"{mode}, listen {', '.join(listen) or 'nowhere'}, connect {', '.join(connect) or 'to nobody'}"
-        explained = _explained(str(error), where)
-    refused = _refused_at(connect, security) if isinstance(explained, UnreachableError) else None
+        translated = _translated(str(error), where)
+    refused = _refused_at(connect, security) if isinstance(translated, UnreachableError) else None
     if refused is None:
-        raise explained
+        raise translated
     try:
-        return _open_with(settings)  # whoever answers may have come only now
+        return _open_with(settings)  # the listener may have started only now
     except zenoh.ZError:
         raise RefusedError(f"Zenoh: {refused}") from None
 
 
 def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> dict[str, Any]:
-    patience = {} if mode == "client" else {"timeout_ms": -1, "exit_on_failure": False}  # for ever, after open()
+    patience = {} if mode == "client" else {"timeout_ms": -1, "exit_on_failure": False}  # without end, after open()
     return {
         "mode": mode,
         "listen": {"endpoints": list(listen)},
         "connect": {"endpoints": list(connect), "retry": RETRY, **patience},
         "scouting": {"multicast": {"enabled": False}},
-        "transport/shared_memory/enabled": False,  # 16 MB of each guest would stay mapped after it has left
-        "timestamping": {"enabled": True},  # what is kept for late joiners is ordered by it
+        "transport/shared_memory/enabled": False,  # 16 MB of each client would stay mapped after it has left
+        "timestamping": {"enabled": True},  # latched messages are ordered by it
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
     }
@@ -120,8 +122,8 @@ def _open_with(settings: Mapping[str, Any]) -> zenoh.Session:
     return zenoh.open(made)
 
 
-def _explained(text: str, where: str) -> ZenohError:
-    """What is wrong, in one line, without the places in Zenoh's own sources."""
+def _translated(text: str, where: str) -> ZenohError:
+    """Zenoh's error in one line, without the positions in its sources."""
     text = " ".join(text.split(" at /")[0].split())
     if "already in use" in text:
         return ZenohError(f"Zenoh ({where}): the port is in use, perhaps by another `wayfi run`; see zenoh.listen")
@@ -138,7 +140,7 @@ def _refused_at(endpoints: Sequence[str], security: SecurityConfig) -> str | Non
 
 
 def _answers(endpoint: str) -> bool:
-    """Whether anybody takes a TCP connection at `endpoint`."""
+    """Whether a TCP connection to `endpoint` is accepted."""
     protocol, host, port = address_of(endpoint)
     if protocol not in ("tcp", "tls"):
         return False

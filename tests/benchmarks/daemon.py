@@ -18,10 +18,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from daemons import Robot, Running, accepts, error_m, free_port, kill_after, replays_alike, report_of, routing, running
+from daemons import Robot, Running, accepts, routing, running
 from drives import Simulated, run, simulated, write
-from loopback import eventually
+from kills import kill_after
+from loopback import endpoint, eventually, free_port
 from rerun.experimental import ViewerClient
+from runs import error_m, replays_alike, report_of
 
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.simulation.worlds import World
@@ -92,9 +94,9 @@ def draw(viewer: ViewerClient, over: threading.Event) -> None:
 
 def say_kills(folder: Path, drive: Simulated, moments_s: list[float]) -> None:
     """Kill a daemon that long after the start, or as soon as it is back, while a robot drives on."""
-    recording, endpoint = write(folder / "recording.mcap", drive.arrivals), local()
+    recording, router = write(folder / "recording.mcap", drive.arrivals), endpoint()
     poses_s: list[float] = []
-    with routing(endpoint) as session, running(folder / "runs", router=endpoint) as daemon:
+    with routing(router) as session, running(folder / "runs", router=router) as daemon:
         heard = session.declare_subscriber(daemon.key("wayfi/pose"), lambda _: poses_s.append(time.monotonic()))
         robot, begun_s = Robot(daemon, recording, 1.0), time.monotonic()
         robot.start()
@@ -112,11 +114,6 @@ def say_kills(folder: Path, drive: Simulated, moments_s: list[float]) -> None:
     say(f"ATE {ours_m:.3f} m, undisturbed {undisturbed_m:.3f} m: {ours_m / undisturbed_m:.2f} times")
     say(f"runs: {len(list(daemon.directory.iterdir()))}")
     say("replays alike: " + ("yes" if replays_alike(daemon.folder, folder / "replayed") else "NO"))
-
-
-def local() -> str:
-    """A free endpoint."""
-    return f"tcp/127.0.0.1:{free_port()}"
 
 
 def stopped(daemon: Running) -> None:

@@ -26,11 +26,10 @@ from wayfi.recordings.simulation.run import odometry, start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
-from wayfi.service.daemon.backlog import Backlog
 from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.evaluation.trajectory_scores import absolute_error
+from wayfi.service.transport.message_queue import MessageQueue, limits_of
 from wayfi.service.transport.output_messages import OK, WARN
-from wayfi.service.transport.queues import Queues, limits_of
 
 WORSE = 1.1
 FLOOR_M = 0.005  # of the drive with the laser: what other WiFi scans of the same place change
@@ -265,18 +264,18 @@ def test_the_report_says_what_is_wrong(minute: Simulated, tmp_path: Path) -> Non
 def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorded) -> None:
     config = load_config()
     limits = limits_of(config.zenoh)
-    diagnostics = Diagnostics(config.recording.topics, Queues(limits), Backlog(limits))
-    diagnostics.take(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
-    assert diagnostics.status({}, {}).level == OK
+    diagnostics = Diagnostics(config.recording.topics, MessageQueue(limits), MessageQueue(limits))
+    diagnostics.handle(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
+    assert diagnostics.status({}).level == OK
     lasting: dict[str, str] = {}
     for warned in wheels.with_fault(FAULTS[name][0]).warnings:
-        diagnostics.take(warned, 0.0)
+        diagnostics.handle(warned, 0.0)
         assert diagnostics.due()
         if warned.ends:
             del lasting[warned.complaint]
         else:
             lasting[warned.complaint] = warned.text
-        status = diagnostics.status({}, {})
+        status = diagnostics.status({})
         assert status.level == (WARN if lasting else OK)
         assert all(text in status.message for text in lasting.values())
         told = {key: value for key, value in status.values.items() if key.startswith("complaint.")}

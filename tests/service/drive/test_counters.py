@@ -1,4 +1,4 @@
-"""What a daemon counts for weeks stays small."""
+"""The counters stay small over weeks."""
 
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import StateChanged, Warned
@@ -11,7 +11,7 @@ TOPICS = {sensor: f"/{sensor}" for sensor in Sensor}
 def test_each_warning_stands_once_in_the_order_they_first_came() -> None:
     counters = Counters(TOPICS)
     for text in ("first", "second", "first", "third", "first"):
-        counters.take(Warned(0, text))
+        counters.count(Warned(0, text))
     assert counters.warnings == ["first", "second", "third", "3 times: first"]
 
 
@@ -27,7 +27,7 @@ def test_different_warnings_are_so_many_at_most_and_so_long() -> None:
 def test_the_newest_changes_of_state_are_kept() -> None:
     counters = Counters(TOPICS)
     for number in range(MOST_CHANGES + 3):
-        counters.take(StateChanged(0, State.LOST, f"reason {number}"))
+        counters.count(StateChanged(0, State.LOST, f"reason {number}"))
     assert [change["reason"] for change in counters.status_changes] == [
         f"reason {n}" for n in range(3, MOST_CHANGES + 3)
     ]

@@ -1,4 +1,4 @@
-"""Poses published on earlier estimates, and drives that go on from a checkpoint."""
+"""Poses based on earlier estimates, and drives that resume from a checkpoint."""
 
 import pickle
 import subprocess
@@ -31,7 +31,7 @@ from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer
 
 
-def mark(kind: ControlKind, number: int = 0) -> Record:
+def control(kind: ControlKind, number: int = 0) -> Record:
     return Record(CONTROL_TOPIC, "", "json", 0, ControlRecord(kind, number).to_json())
 
 
@@ -43,18 +43,18 @@ class Daemon:
         self.blackbox: list[Record] = []
         self._known: deque[tuple[int, int]] = deque()
         self._behind = behind
-        self._told = 0
+        self._newest = 0
 
     def feed(self, record: Record) -> None:
         """Feed one message, after what has become known of the earlier ones."""
         number = len(self.blackbox)
         while self._known and self._known[0][0] + self._behind <= number:
-            self.play(mark(ControlKind.ADOPT, self._known.popleft()[1]))
+            self.play(control(ControlKind.ADOPT, self._known.popleft()[1]))
         self.play(record)
-        told = self.replayer.live.told
-        if told != self._told:
-            self._told = told
-            self._known.append((len(self.blackbox), told))
+        newest = self.replayer.live.newest
+        if newest != self._newest:
+            self._newest = newest
+            self._known.append((len(self.blackbox), newest))
 
     def play(self, record: Record) -> None:
         """Play a record, and keep it."""
@@ -114,14 +114,14 @@ def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: 
     assert not np.array_equal(live.online, zero.online)
 
 
-def test_what_was_done_is_done_again(drive: Recorded) -> None:
+def test_the_black_box_gives_the_same_drive(drive: Recorded) -> None:
     daemon = Daemon(37)
     for number, record in enumerate(drive.records):
         daemon.feed(record)
         if number % 700 == 699:
-            daemon.play(mark(ControlKind.CHECKPOINT, number))
+            daemon.play(control(ControlKind.CHECKPOINT, number))
         if number == 1500:
-            daemon.play(mark(ControlKind.AWAY, 1000))
+            daemon.play(control(ControlKind.AWAY, 1000))
     assert same(played(daemon.blackbox), daemon.replayer.drive.finish())
 
 
@@ -145,7 +145,7 @@ def played_on(folder: Path) -> tuple[bytes, bytes]:
 
 
 @pytest.mark.parametrize("points", [False, True])
-def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path: Path, points: bool) -> None:
+def test_another_process_resumes_from_a_checkpoint_with_the_same_result(tmp_path: Path, points: bool) -> None:
     records = recorded(tmp_path / "drive", 1.0, points).records
     half = len(records) // 2
     replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
@@ -167,7 +167,7 @@ def test_another_process_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_pa
     assert len(result.stamps_ns) > 100
 
 
-def test_a_fault_of_ours_is_told_and_the_drive_goes_on(drive: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_is_reported_and_the_drive_goes_on(drive: Recorded, monkeypatch: pytest.MonkeyPatch) -> None:
     sound, count = Pipeline.process, 0
 
     def failing(self: Pipeline, *arguments: object) -> list[Event]:

@@ -55,7 +55,7 @@ def test_stages_are_timed_and_the_last_calls_are_taken_once() -> None:
     timer = StageTimer()
     with timer("outer"), timer("inner"):
         pass
-    last = timer.take()
+    last = timer.pop_durations()
     assert last["outer"] >= last["inner"] >= 0
-    assert timer.take() == {}
+    assert timer.pop_durations() == {}
     assert list(timer.report()) == ["inner", "outer"]

@@ -1,4 +1,4 @@
-"""What the service manager is told, over real datagram sockets."""
+"""What the service manager is notified of, over real datagram sockets."""
 
 import os
 import secrets
@@ -12,17 +12,23 @@ import pytest
 
 from wayfi.service.process.service_manager import ServiceManager
 
-Manager = tuple[socket.socket, dict[str, str]]
+
+@pytest.fixture(autouse=True)
+def environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment without a service manager."""
+    for name in ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"):
+        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture(params=["file", "abstract"])
-def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Manager]:
-    """A manager's socket, and the environment that it gives."""
+def manager(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[socket.socket]:
+    """The socket of a manager that the environment names."""
     name = f"@wayfi-{secrets.token_hex(8)}" if request.param == "abstract" else str(tmp_path / "notify")
+    monkeypatch.setenv("NOTIFY_SOCKET", name)
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as listener:
         listener.bind("\0" + name[1:] if name.startswith("@") else name)
         listener.settimeout(5.0)
-        yield listener, {"NOTIFY_SOCKET": name}
+        yield listener
 
 
 def waiting(listener: socket.socket) -> list[str]:
@@ -36,67 +42,69 @@ def waiting(listener: socket.socket) -> list[str]:
             return received
 
 
-def test_it_is_told_each_thing_in_its_words(manager: Manager) -> None:
-    listener, environment = manager
-    service = ServiceManager(environment)
+def test_it_is_notified_in_its_own_words(manager: socket.socket) -> None:
+    service = ServiceManager()
     service.ready("waits for /odom")
-    service.status("TRACKING")
     service.stopping()
-    assert waiting(listener) == ["READY=1\nSTATUS=waits for /odom", "STATUS=TRACKING", "STOPPING=1"]
+    assert waiting(manager) == ["READY=1\nSTATUS=waits for /odom", "STOPPING=1"]
 
 
-def test_a_status_stays_one_line(manager: Manager) -> None:
-    listener, environment = manager
-    ServiceManager(environment).status("one\nREADY=1")
-    assert waiting(listener) == ["STATUS=one READY=1"]
+def test_a_status_stays_one_line(manager: socket.socket) -> None:
+    ServiceManager().ready("one\nSTOPPING=1")
+    assert waiting(manager) == ["READY=1\nSTATUS=one STOPPING=1"]
 
 
-def test_a_sign_of_life_comes_three_times_in_the_watchdogs_time(manager: Manager) -> None:
-    listener, environment = manager
-    service = ServiceManager(environment | {"WATCHDOG_USEC": "300000", "WATCHDOG_PID": str(os.getpid())})
+def test_it_is_notified_three_times_in_the_watchdogs_time(
+    manager: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WATCHDOG_USEC", "300000")
+    monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
+    service = ServiceManager()
     service.alive()
     service.alive()
-    assert waiting(listener) == ["WATCHDOG=1"]
+    assert waiting(manager) == ["WATCHDOG=1"]
     time.sleep(0.11)
     service.alive()
-    assert waiting(listener) == ["WATCHDOG=1"]
+    assert waiting(manager) == ["WATCHDOG=1"]
 
 
 @pytest.mark.parametrize("watchdog", [{}, {"WATCHDOG_USEC": "300000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "x"}])
-def test_without_a_watchdog_for_this_process_there_is_no_sign_of_life(
-    watchdog: dict[str, str], manager: Manager
+def test_without_a_watchdog_for_this_process_alive_sends_nothing(
+    watchdog: dict[str, str], manager: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    listener, environment = manager
-    ServiceManager(environment | watchdog).alive()
-    assert waiting(listener) == []
+    for name, value in watchdog.items():
+        monkeypatch.setenv(name, value)
+    ServiceManager().alive()
+    assert waiting(manager) == []
 
 
-def test_without_a_manager_nothing_is_said(manager: Manager) -> None:
-    listener, _ = manager
-    service = ServiceManager({})
+def test_without_a_manager_nothing_is_sent(manager: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET")
+    service = ServiceManager()
     service.ready("")
     service.alive()
     service.stopping()
-    assert waiting(listener) == []
+    assert waiting(manager) == []
 
 
-def test_a_manager_that_is_gone_is_told_again_once_it_is_back(tmp_path: Path) -> None:
+def test_a_manager_that_was_away_is_notified_once_it_is_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = str(tmp_path / "notify")
-    service = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3"})
+    monkeypatch.setenv("NOTIFY_SOCKET", path)
+    monkeypatch.setenv("WATCHDOG_USEC", "3")
+    service = ServiceManager()
     service.ready("")
     service.alive()
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as listener:
         listener.bind(path)
-        service.status("TRACKING")
-        assert waiting(listener) == ["STATUS=TRACKING"]
+        service.stopping()
+        assert waiting(listener) == ["STOPPING=1"]
 
 
-def test_a_manager_that_reads_nothing_holds_nobody_up_and_is_told_again_once_it_reads(manager: Manager) -> None:
-    listener, environment = manager
-    service = ServiceManager(environment)
-    said = 2000
-    for _ in range(said):
-        service.status("x" * 1000)
-    assert 0 < len(waiting(listener)) < said
-    service.status("TRACKING")
-    assert waiting(listener) == ["STATUS=TRACKING"]
+def test_a_manager_that_reads_nothing_delays_nobody_and_is_notified_once_it_reads(manager: socket.socket) -> None:
+    service = ServiceManager()
+    sent = 2000
+    for _ in range(sent):
+        service.ready("x" * 1000)
+    assert 0 < len(waiting(manager)) < sent
+    service.stopping()
+    assert waiting(manager) == ["STOPPING=1"]

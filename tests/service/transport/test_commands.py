@@ -30,7 +30,7 @@ def drive(daemon: Running, numbers: range) -> None:
         put(daemon.key("odom"), odometry(number))
 
 
-def marks(folder: Path) -> list[ControlRecord]:
+def control_records(folder: Path) -> list[ControlRecord]:
     return [parse_control_record(r.data) for r in open_recording(folder) if r.topic == CONTROL_TOPIC]
 
 
@@ -47,8 +47,8 @@ def test_a_pause_drops_what_comes_until_it_is_over(tmp_path: Path) -> None:
         drive(daemon, range(20, 30))
         eventually(lambda: len(daemon.samples["wayfi/pose"]) == 20)
         assert daemon.stop() == 0
-        said = [mark.text for mark in marks(daemon.folder) if mark.kind is ControlKind.COMMAND]
-        assert said == ["pause", "resume"]
+        commands = [r.text for r in control_records(daemon.folder) if r.kind is ControlKind.COMMAND]
+        assert commands == ["pause", "resume"]
         trajectory = read_tum(daemon.folder / "trajectory.tum")
         assert len(trajectory.stamps_ns) == 20
 

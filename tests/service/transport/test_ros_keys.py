@@ -75,7 +75,7 @@ def test_zenohs_own_serialization_reads_an_attachment(sequence: int, stamp_ns: i
     ("topic", "qos"),
     [
         (RosTopic("chatter", STRING, depth=7), "::,7:,:,:,,"),
-        (RosTopic("chatter", STRING, 1, kept=True), ":1:,1:,:,:,,"),
+        (RosTopic("chatter", STRING, 1, latched=True), ":1:,1:,:,:,,"),
     ],
 )
 def test_a_token_is_that_of_rmw_zenohs_documentation(topic: RosTopic, qos: str) -> None:

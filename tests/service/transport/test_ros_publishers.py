@@ -1,187 +1,39 @@
-"""ROS 2 peers as they speak over Zenoh, on loopback: what they put is taken, and they can use what is put."""
+"""What ROS 2 peers receive over Zenoh: poses, transforms and maps in their conventions."""
 
-import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
 import zenoh
+from loopback import eventually, free_port
 from zenoh.ext import (
-    CacheConfig,
     HistoryConfig,
     Int64,
     RecoveryConfig,
-    declare_advanced_publisher,
     declare_advanced_subscriber,
     z_deserialize,
-    z_serialize,
 )
 
 from wayfi.backend.graph.health import State
 from wayfi.backend.grid.grid_map import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
-from wayfi.frontends.measurements import Odometry, Sensor, StaticTransform, StaticTransforms
-from wayfi.recordings.ros.codec import decode, encode
+from wayfi.frontends.measurements import Sensor, StaticTransforms
+from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.messages import NS_PER_S, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
 from wayfi.recordings.ros.topics import Encoding
-from wayfi.service.config import ConfigError, RecordingConfig, ZenohConfig, load_config
+from wayfi.service.config import ConfigError, ZenohConfig, load_config
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.publishers import Publishers
-from wayfi.service.transport.queues import Queues, limits_of
-from wayfi.service.transport.subscribers import SYNC, Subscribers
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
-ODOM_TYPE = "nav_msgs::msg::dds_::Odometry_"
-TF_TYPE = "tf2_msgs::msg::dds_::TFMessage_"
-HASH = "RIHS01_" + "0123456789abcdef" * 4  # of some other release of ROS
-GID = bytes(range(16))
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def eventually(condition: Callable[[], Any]) -> None:
-    deadline_s = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < deadline_s, "it never came to be"
-        time.sleep(0.02)
-
-
-def rmw_attachment(number: int) -> zenoh.ZBytes:
-    return z_serialize((Int64(number), Int64(time.time_ns()), GID))
-
-
-# In
-
-
-class Listening:
-    """Subscribers as the daemon has them, and a session of a ROS 2 peer beside them."""
-
-    def __init__(self, config: ZenohConfig, queues: Queues, peer: zenoh.Session) -> None:
-        self.config = config
-        self.queues = queues
-        self.peer = peer
-
-    def put(self, key: str, data: bytes, **more: Any) -> None:  # noqa: ANN401 - as zenoh's put
-        self.peer.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK, **more)
-
-    def taken(self) -> list[tuple[Sensor, Encoding, bytes]]:
-        """All that was put until now and not taken yet."""
-        replies = list(self.peer.get(key_of(self.config, SYNC), timeout=10.0))
-        assert all(reply.ok for reply in replies)
-        assert replies
-        found = []
-        while received := self.queues.take(0.0):
-            found.append((received.sensor, received.encoding, received.data))
-        return found
-
-
-@contextmanager
-def listening(prefix: str) -> Iterator[Listening]:
-    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=prefix)
-    queues = Queues(limits_of(config))
-    with (
-        open_session(config) as session,
-        Subscribers(session, config, RecordingConfig().topics, queues),
-        open_guest_session(config) as peer,
-    ):
-        yield Listening(config, queues, peer)
-
-
-@pytest.fixture(params=["", "bot7", "fleet/bot7"])
-def daemon(request: pytest.FixtureRequest) -> Iterator[Listening]:
-    with listening(request.param) as opened:
-        yield opened
-
-
-def odometry(number: int, encoding: Encoding = Encoding.CDR) -> bytes:
-    return encode(Odometry((number + 1) * NS_PER_S // 10, Pose2(0.1 * number, 0.0, 0.0)), encoding)
-
-
-def mount(child: str) -> bytes:
-    return encode(StaticTransforms(0, (StaticTransform("base_link", child, (0.1, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)),)))
-
-
-def test_each_message_of_an_rmw_publisher_comes_once_and_in_order(daemon: Listening) -> None:
-    odom = key_of(daemon.config, "odom")
-    publisher = daemon.peer.declare_publisher(
-        f"0/{odom}/{ODOM_TYPE}/{HASH}", congestion_control=zenoh.CongestionControl.BLOCK
-    )
-    for number in range(50):
-        publisher.put(odometry(number), attachment=rmw_attachment(number + 1))
-    assert daemon.taken() == [(Sensor.ODOM, Encoding.CDR, odometry(n)) for n in range(50)]
-
-
-def test_the_bridges_keys_and_rmws_of_any_domain_come_once_each(daemon: Listening) -> None:
-    odom = key_of(daemon.config, "odom")
-    daemon.put(odom, odometry(0))
-    daemon.put(f"0/{odom}/{ODOM_TYPE}/{HASH}", odometry(1), attachment=rmw_attachment(1))
-    daemon.put(f"42/{odom}/{ODOM_TYPE}/TypeHashNotSupported", odometry(2))
-    daemon.put(odom, odometry(3, Encoding.JSON), encoding=zenoh.Encoding.APPLICATION_JSON)
-    assert [data for _, _, data in daemon.taken()] == [*map(odometry, range(3)), odometry(3, Encoding.JSON)]
-
-
-def test_what_is_anothers_or_of_another_type_is_not_taken(daemon: Listening) -> None:
-    odom = key_of(daemon.config, "odom")
-    for key in (
-        f"0/{odom}/{TF_TYPE}/{HASH}",
-        f"0/{odom}/{ODOM_TYPE}",
-        f"0/bot8/{odom}/{ODOM_TYPE}/{HASH}",
-        f"0/{odom}/wheels/{ODOM_TYPE}/{HASH}",
-        f"bot8/{odom}",
-    ):
-        daemon.put(key, odometry(0), attachment=rmw_attachment(1))
-    assert daemon.taken() == []
-
-
-@pytest.mark.parametrize("garbage", [b"", b"\xff", bytes(33), b"\x00" * 16 + b"\xff" * 17, bytes(1 << 20)])
-def test_a_malformed_attachment_does_no_harm(garbage: bytes) -> None:
-    with listening("") as daemon:
-        daemon.put(f"0/odom/{ODOM_TYPE}/{HASH}", odometry(0), attachment=garbage)
-        daemon.put("odom", odometry(1), attachment=garbage)
-        assert [data for _, _, data in daemon.taken()] == [odometry(0), odometry(1)]
-
-
-@pytest.mark.parametrize("key", ["tf_static", f"0/tf_static/{TF_TYPE}/{HASH}"])
-def test_static_transforms_said_before_are_asked_for_and_come_once(key: str) -> None:
-    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
-    queues = Queues(limits_of(config))
-    with open_session(config) as session, open_guest_session(config) as one, open_guest_session(config) as two:
-        early = [_latched(peer, key) for peer in (one, two)]
-        for number, publisher in enumerate(early):
-            publisher.put(mount(f"laser{number}"), attachment=rmw_attachment(1))
-        with Subscribers(session, config, RecordingConfig().topics, queues):
-            eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 2)
-            early[0].put(mount("laser2"), attachment=rmw_attachment(2))
-            eventually(lambda: queues.depths()[Sensor.TF_STATIC] >= 3)
-            time.sleep(0.3)  # in which a second copy would come
-    found = []
-    while received := queues.take(0.0):
-        found.append(received.data)
-    assert sorted(found) == sorted(map(mount, ("laser0", "laser1", "laser2")))
-    assert found[-1] == mount("laser2")
-
-
-def _latched(peer: zenoh.Session, key: str) -> Any:  # noqa: ANN401 - zenoh's advanced publisher
-    return declare_advanced_publisher(peer, key, cache=CacheConfig(max_samples=1), publisher_detection=True)
-
-
-# Out
+GRID = GridRedrawn(7 * NS_PER_S, np.array([[0.1, 0.5, 0.9]], np.float32), 0.05, (-1.0, 2.0))
 
 
 def pose_event(number: int) -> PosePublished:
     T = Pose2(1.0 + number, 2.0, 0.5)
     return PosePublished((number + 1) * NS_PER_S, T, Pose2(0.0, 0.0, 0.0), T, np.eye(3), State.TRACKING)
-
-
-GRID = GridRedrawn(7 * NS_PER_S, np.array([[0.1, 0.5, 0.9]], np.float32), 0.05, (-1.0, 2.0))
 
 
 class Heard:
@@ -232,9 +84,9 @@ def test_an_rmw_peer_gets_poses_transforms_and_maps(prefix: str) -> None:
                 joined.undeclare()
             there.undeclare()
     assert [n for n, _, _ in poses.attachments] == [n for n, _, _ in transforms.attachments] == list(range(1, 11))
-    said = [*poses.attachments, *transforms.attachments, *maps.attachments]
-    assert all(before_ns <= stamp_ns <= time.time_ns() for _, stamp_ns, _ in said)
-    assert len({gid for _, _, gid in said}) == 3
+    attachments = [*poses.attachments, *transforms.attachments, *maps.attachments]
+    assert all(before_ns <= stamp_ns <= time.time_ns() for _, stamp_ns, _ in attachments)
+    assert len({gid for _, _, gid in attachments}) == 3
     assert late.samples == maps.samples
     _check_messages([data for data, _ in poses.samples], [data for data, _ in transforms.samples], maps.samples[0][0])
 
@@ -307,6 +159,6 @@ def test_without_ros_nothing_is_put_for_it() -> None:
 
 
 @pytest.mark.parametrize("setting", ["zenoh.ros=dds", "zenoh.ros=1", "zenoh.ros_domain=-1", "zenoh.ros_domain=233"])
-def test_a_convention_or_domain_that_ros_has_not_is_refused(setting: str) -> None:
+def test_an_unknown_convention_or_domain_is_refused(setting: str) -> None:
     with pytest.raises(ConfigError, match=setting.split("=")[0].replace(".", r"\.")):
         load_config(settings=[setting])
