@@ -81,10 +81,15 @@ class Pose2:
         return Pose2(float(x), float(y), wrap(float(theta)))
 
 
-def meeting(place_a: Floats, place_b: Floats, turned: float) -> Pose2:
-    """T_a_b of two frames, turned by `turned` (rad), in which `place_a` (2,) m in a and `place_b` in b are one."""
+def pose_of_common_place(place_a: Floats, place_b: Floats, turned: float) -> Pose2:
+    """T_a_b where `place_a` (2,) m in frame a is `place_b` (2,) m in frame b, and b is turned by `turned` (rad)."""
     x, y = place_a - Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
     return Pose2.of((x, y, turned))
+
+
+def diagonal_covariance(sigma_m: float, sigma_rad: float) -> Floats:
+    """(3, 3) covariance of a pose whose x, y (m) and theta (rad) err independently."""
+    return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
 
 
 def adjoint(T: Pose2) -> Floats:

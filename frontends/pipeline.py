@@ -72,7 +72,7 @@ class Pipeline:
         self._laser: Sensor | None = None
         self._last_scan_path_m = -np.inf
         self._unmounted: set[str] = set()
-        self._laser_watch = LaserWatch()
+        self._laser_watch = LaserWatch(config.lidar.watch)
         self._laser_shift_ns = 0
         self._odometry_taken = 0
         self._told = (0, 0)
@@ -163,7 +163,7 @@ class Pipeline:
             return
         for scan in self._scans.drop_ahead(stamp_ns + ODOMETRY_WAIT_NS):
             yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.AHEAD)
-        yield from self._laser_watch.pass_time(stamp_ns)
+        yield from self._laser_watch.check_silence(stamp_ns)
         yield from self._wifi.compare(stamp_ns)
         yield from self._advance(stamp_ns, m.pose, published)
 
@@ -211,7 +211,7 @@ class Pipeline:
             return
         stamp_ns += self._laser_shift_ns
         latest = self._path.latest
-        sweep = yield from self._laser_watch.take(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
+        sweep = yield from self._laser_watch.add_sweep(stamp_ns, m, latest.stamp_ns - stamp_ns if latest else 0)
         if sweep is None:
             return
         if not sees_anything(sweep, self._config.lidar.max_range_m):

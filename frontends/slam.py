@@ -30,7 +30,7 @@ from wayfi.frontends.events import (
 from wayfi.frontends.intake.scan_intake import PlacedScan
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.laser_clock import LaserClock
-from wayfi.frontends.lidar.scan_tracker import ScanTracker, Tracked
+from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE, Anchor
 from wayfi.frontends.scan_points import ScanPoints
@@ -135,7 +135,7 @@ class Slam:
             candidate = self.wifi.candidate(fingerprint, similar)
         events: list[Event] = [_fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
-            if candidate is not None and self._lidar_closer.sees(candidate):
+            if candidate is not None and self._lidar_closer.can_check(candidate):
                 outcome = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
                 if outcome.closed:
                     self.wifi.confirm(candidate)
@@ -170,7 +170,7 @@ class Slam:
     def _start_tracking(self) -> None:
         self._tracker = ScanTracker(self.keyframes, self._config.lidar, self._config.odometry)
         self._clouds = CloudOdometry(self._config.lidar)
-        self.laser_clock = LaserClock()
+        self.laser_clock = LaserClock(self._config.lidar.clock)
         self._matches: list[int] = []
 
     def forget_scans(self, reason: str) -> list[Event]:
@@ -198,7 +198,7 @@ class Slam:
     def _guess(self, point: PathPoint) -> Pose2:
         return Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._calibration)
 
-    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> Tracked | None:
+    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> KeyframeMatch | None:
         """Factors from the newest keyframe to the one about to be added: the wheels', and the laser's if it sees."""
         motion = self.motion_to(point)
         tracked = None
@@ -212,18 +212,18 @@ class Slam:
                 )
                 before = self.keyframes[number - 1]
                 if before.scan is not None:
-                    self.laser_clock.take(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
+                    self.laser_clock.add_turn(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
         self.graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
         return tracked
 
-    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> Tracked | None:
+    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> KeyframeMatch | None:
         """The match of a keyframe's cloud by KISS-ICP where there is one that it can place, else that of its scan."""
         guess = motion.corrected(self._calibration)
         tracked = None
         if placed.band is not None:
             tracked = self._clouds.match(placed.band, number, guess, self._tracker.wheel_covariance(motion))
         if tracked and tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio:
-            self._tracker.learn(motion, guess, tracked.match)
+            self._tracker.update_scale(motion, guess, tracked.match)
             return tracked
         return self._tracker.match(placed.points, motion, guess, self.poses)
 

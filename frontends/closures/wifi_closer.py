@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.factors import NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2, meeting
+from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
 from wayfi.frontends.closures.consensus import (
     ConsensusConfig,
     Hypothesis,
@@ -244,7 +244,7 @@ class WifiCloser:
         a, b = candidate.a, candidate.b
         turned = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
         variance = (self._sigma_scale * candidate.sigma_m) ** 2
-        return meeting(a.place, b.place, turned), np.diag([variance, variance, UNCLAIMED_RAD**2])
+        return pose_of_common_place(a.place, b.place, turned), np.diag([variance, variance, UNCLAIMED_RAD**2])
 
     def _enter(self, candidate: WifiCandidate, poses: Floats, refused: str) -> ClosureJudged:
         a, b = candidate.a, candidate.b

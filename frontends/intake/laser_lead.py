@@ -13,7 +13,7 @@ class LaserLead:
 
     def __init__(self, config: LidarConfig, scans: ScanIntake) -> None:
         self._scans = scans
-        self._planar = LaserOdometry(config.max_range_m)
+        self._planar = LaserOdometry(config)
         self._spatial = CloudLead(config)
 
     def register(self, stamp_ns: int, sweep: Sweep) -> Pose2:

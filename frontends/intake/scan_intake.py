@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import DropReason
-from wayfi.frontends.intake.cloud_intake import CloudIntake, any_return, turn_ns
-from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, returns, to_base, walls_seen
+from wayfi.frontends.intake.cloud_intake import CloudIntake, cloud_duration_ns, has_return
+from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
@@ -45,8 +46,8 @@ class ScanIntake:
     def __init__(self, config: LidarConfig, base_frame: str = "base_link") -> None:
         self._config = config
         self._base_frame = base_frame
-        self._mounts: dict[str, tuple[Pose2, bool]] = {}
-        self.clouds = CloudIntake(config)
+        self._mounts: dict[str, Mount] = {}
+        self.clouds = CloudIntake(config, self._mounts)
         self._waiting: deque[tuple[int, Sweep]] = deque()
         self._points_waiting = 0
 
@@ -60,8 +61,7 @@ class ScanIntake:
             if reason:
                 refused.append(reason)
             else:
-                self._mounts[t.child_frame_id] = planar_mount(t)
-                self.clouds.take(t)
+                self._mounts[t.child_frame_id] = Mount.of(t)
         return refused
 
     def _refuses(self, t: StaticTransform) -> DropReason | None:
@@ -113,31 +113,29 @@ class ScanIntake:
 
     def points(self, scan: LaserScan) -> Floats:
         """(n, 2) points of a scan in base_link, m, as of one instant."""
-        mount, upside_down = self._mount(scan.frame_id)
-        return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
+        return to_base(beam_points(scan, self._config.max_range_m)[1], self._mount(scan.frame_id), None)
 
     def place(self, point: PathPoint, scan: Sweep, path: DrivenPath) -> PlacedScan | None:
         """The scan's points in base_link at `point`; None if no beam returned."""
         if isinstance(scan, PointCloud):
-            cut = self.clouds.cut(point, scan, path)
+            cut = self.clouds.place(point, scan, path)
             return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
         beams, points = beam_points(scan, self._config.max_range_m)
         if len(points) == 0:
             return None
-        mount, upside_down = self._mount(scan.frame_id)
-        points = to_base(points, mount, upside_down, _sweep_motion(point, scan, beams, path))
-        seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
-        return PlacedScan(point, seen, points.astype(np.float32))
+        mount = self._mount(scan.frame_id)
+        points = to_base(points, mount, _sweep_motion(point, scan, beams, path))
+        return PlacedScan(point, scan_from_points(points, mount.planar, self._config), points.astype(np.float32))
 
     def _pop(self) -> tuple[int, Sweep]:
         stamp_ns, scan = self._waiting.popleft()
         self._points_waiting -= size(scan)
         return stamp_ns, scan
 
-    def _mount(self, frame_id: str) -> tuple[Pose2, bool]:
+    def _mount(self, frame_id: str) -> Mount:
         if self._config.mount:
-            return Pose2.of(self._config.mount), False
-        return self._mounts.get(frame_id, (Pose2(), False))
+            return Mount.level(Pose2.of(self._config.mount))
+        return self._mounts.get(frame_id) or Mount.level(Pose2())
 
 
 def size(scan: Sweep) -> int:
@@ -152,13 +150,13 @@ def sensor_of(scan: Sweep) -> Sensor:
 
 def sees_anything(scan: Sweep, max_range_m: float) -> bool:
     """Whether a scan holds a return within `max_range_m`, a cloud one at all."""
-    return any_return(scan) if isinstance(scan, PointCloud) else len(returns(scan, max_range_m)) > 0
+    return has_return(scan) if isinstance(scan, PointCloud) else len(valid_beams(scan, max_range_m)) > 0
 
 
 def sweep_ns(scan: Sweep) -> int:
     """How long after its stamp the last beam of a scan was taken, ns; 0 where the message does not say."""
     if isinstance(scan, PointCloud):
-        return turn_ns(scan)
+        return cloud_duration_ns(scan)
     seconds = scan.time_increment_s * len(scan.ranges)
     return int(seconds * 1e9) if 0 < seconds < 2.0 else 0
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
 from wayfi.backend.graph.gtsam_factors import in_b
-from wayfi.backend.pose2 import Floats, Pose2, meeting
+from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
 
@@ -43,7 +43,9 @@ def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:
     """Two places that are one, turned as the poses are: of rank 2, which leaves turning about them open."""
     turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
     moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])
-    return meeting(factor.place_a, factor.place_b, turned), np.asarray(moved.T @ moved / factor.sigma_m**2, np.float64)
+    return pose_of_common_place(factor.place_a, factor.place_b, turned), np.asarray(
+        moved.T @ moved / factor.sigma_m**2, np.float64
+    )
 
 
 def _numbers(values: NDArray[np.floating[Any]]) -> str:

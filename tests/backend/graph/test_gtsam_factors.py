@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from wayfi.backend.graph.gtsam_factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, meeting, wrap
+from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place, wrap
 
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
 POSES = st.builds(Pose2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
@@ -74,7 +74,7 @@ def test_the_near_factor_says_nothing_of_the_scale_and_is_content_where_the_plac
     )
     shrunk = near_factor(0, 1, (1 + scale) * place_a, (1 + scale) * place_b, 0.5)
     assert math.isclose(shrunk.error(scaled), factor.error(as_driven), rel_tol=1e-6, abs_tol=1e-9)
-    together = meeting(place_a, place_b, 0.3)
+    together = pose_of_common_place(place_a, place_b, 0.3)
     assert factor.error(values(a, a @ together, np.zeros(4))) < 1e-12
     apart = a.transform(place_a[None])[0] - b.transform(place_b[None])[0]
     assert math.isclose(factor.error(as_driven), 0.5 * float(apart @ apart) / 0.5**2, rel_tol=1e-6, abs_tol=1e-9)
