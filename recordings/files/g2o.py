@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
-from wayfi.backend.graph.gtsam_factors import in_b
+from wayfi.backend.graph.gtsam_factors import covariance_in_b
 from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
@@ -36,7 +36,7 @@ def _edge(factor: Factor, poses: Floats, calibration: Floats) -> str:
 
 
 def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(in_b(covariance, T_a_b.theta)), np.float64)
+    return np.asarray(np.linalg.inv(covariance_in_b(covariance, T_a_b.theta)), np.float64)
 
 
 def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:

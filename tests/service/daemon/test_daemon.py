@@ -35,7 +35,7 @@ from places import REAL_DATA
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import GridRedrawn
