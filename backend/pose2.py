@@ -75,6 +75,11 @@ class Pose2:
         return np.array([self.x, self.y, self.theta])
 
     @staticmethod
+    def in_plane(T: Floats) -> "Pose2":
+        """The x, y and heading of a (4, 4) pose in space."""
+        return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))
+
+    @staticmethod
     def of(values: Iterable[float]) -> "Pose2":
         """The pose of three numbers x, y, theta."""
         x, y, theta = values
@@ -90,6 +95,17 @@ def pose_of_common_place(place_a: Floats, place_b: Floats, turned: float) -> Pos
 def diagonal_covariance(sigma_m: float, sigma_rad: float) -> Floats:
     """(3, 3) covariance of a pose whose x, y (m) and theta (rad) err independently."""
     return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+
+
+def covariance_in_b(covariance: Floats, theta_a_b: float) -> Floats:
+    """The (3, 3) covariance or information of a pose in (x, y, theta) of frame a, in those of b, turned by `theta_a_b`.
+
+    gtsam's tangent space of T_a_b has the axes of b.
+    """
+    c, s = math.cos(theta_a_b), math.sin(theta_a_b)
+    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned: Floats = R @ covariance @ R.T
+    return turned
 
 
 def adjoint(T: Pose2) -> Floats:

@@ -14,7 +14,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, PosePublished, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
-from wayfi.frontends.intake.scan_intake import ScanIntake, Sweep, sees_anything, sensor_of
+from wayfi.frontends.intake.scan_intake import ScanIntake, sees_anything, sensor_of
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.measurements import (
@@ -25,6 +25,7 @@ from wayfi.frontends.measurements import (
     PointCloud,
     Sensor,
     StaticTransforms,
+    Sweep,
     WifiScan,
 )
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint, calibration_prior, fault_of, keyframe_due

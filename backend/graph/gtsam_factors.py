@@ -8,23 +8,15 @@ import numpy as np
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, wrap
 
 CALIBRATION = gtsam.symbol("c", 0)  # gtsam's key of the wheels' calibration
-ORIGIN_SIGMA = 1e-4  # m and rad: a five-hundredth of a grid cell; any value holds the map in place, this one solvably
+ORIGIN_SIGMA = 1e-4  # m and rad: a five-hundredth of a grid cell, and not so tight that the equations suffer
 
 
 def pose_key(keyframe: int) -> int:
     """gtsam's key of a keyframe's pose."""
     return int(gtsam.symbol("x", keyframe))
-
-
-def covariance_in_b(covariance: Floats, theta_a_b: float) -> Floats:
-    """A covariance (3, 3) of T_a_b in the axes of a, in the axes of b (where gtsam's tangent space lies)."""
-    c, s = math.cos(theta_a_b), math.sin(theta_a_b)
-    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    turned: Floats = R @ covariance @ R.T
-    return turned
 
 
 def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:

@@ -17,14 +17,13 @@ from wayfi.backend.graph.factors import Factor, FactorError, NearFactor, WheelFa
 from wayfi.backend.graph.gtsam_factors import (
     CALIBRATION,
     calibrated_factor,
-    covariance_in_b,
     gtsam_factor,
     origin_factor,
     pose_key,
 )
 from wayfi.backend.graph.isam import new_isam
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2, adjoint
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
 FIXED_SIGMA = 1e-6  # of a calibration that a rebuild holds fixed: 1 mrad of heading over 1 km
 MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative

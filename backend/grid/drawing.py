@@ -17,9 +17,9 @@ from wayfi.backend.grid.patch import EMPTY, CellWindow, Patch
 from wayfi.backend.grid.sensor_model import HIT, PASS
 from wayfi.backend.pose2 import Floats
 
-SHARED_CELLS = 0.7  # nearer to each other than this, two rays leave a third between them hardly a cell of its own
-FILL_CELLS = 2  # between the ends of the rays that fill a gap: the cells they leave, the next scan's rays pass
-BORDER = 1  # cells, so that every cell has its neighbours
+SHARED_CELLS = 0.7  # apart, or less: two rays leave a third one between them hardly any cell of its own
+FILL_CELLS = 2  # between the ends of the rays that fill a gap: the next scans' rays pass through the cells left out
+BORDER = 1  # cells around those drawn, so that each of these has eight neighbours
 MIN_SPACING = 1e-9  # cells: rays of one direction never part; keeps the division finite
 
 Points = NDArray[np.float32] | NDArray[np.float64]

@@ -117,7 +117,7 @@ class GridMap:
         return bounding_window([before, self._patches[number].window]) if number < self._in_base else EMPTY
 
     def _update_base(self, changed: CellWindow) -> int:
-        """Sum the base anew in `changed`, and add the submaps that are full now; returns how many cells it touched."""
+        """Sum the base again in `changed`, and add the submaps that are full now; returns how many cells it touched."""
         self._base = self._base.expanded_to(changed, SLACK)
         self._base.cells(changed)[:] = 0
         touched = sum(self._base.add(patch, changed) for patch in self._patches[: self._in_base])

@@ -1,7 +1,7 @@
 """The last step of a cloud's registration: a point-to-line fit, its inliers and its covariance.
 
 KISS-ICP reports neither whether a cloud overlaps its map nor how well a pose is fixed, and along a wall the rings of a
-spinning LiDAR draw it towards standing still. So its pose is refined to the lines that the map's points make around
+spinning LiDAR bias it towards no motion. So its pose is refined to the lines that the map's points make around
 each nearest point, with the wheels as a prior.
 
 The covariance of such an estimate is H^-1 M H^-1 (the "sandwich" of Huber and White), with H the Hessian, and M the

@@ -72,7 +72,8 @@ class CloudMap:
         """T_map_base of keypoints (k, 3) m, from `guess`; the guess itself where nothing overlaps."""
         kernel_m = self._config.kernel_m
         gate_m = GATE_KERNELS * kernel_m
-        return _planar(self._registration.align_points_to_map(keypoints, self._map, _spatial(guess), gate_m, kernel_m))
+        T = self._registration.align_points_to_map(keypoints, self._map, _spatial(guess), gate_m, kernel_m)
+        return Pose2.in_plane(T)
 
     def add(self, thinned: Floats, T_map_base: Pose2) -> None:
         """Add thinned points (m, 3) at a pose, and remove those that are out of range from there."""
@@ -91,8 +92,3 @@ def _spatial(T: Pose2) -> Floats:
     """(4, 4) of a pose in the plane."""
     c, s = math.cos(T.theta), math.sin(T.theta)
     return np.array([[c, -s, 0.0, T.x], [s, c, 0.0, T.y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
-def _planar(T: Floats) -> Pose2:
-    """The pose in the plane of a (4, 4) one."""
-    return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))

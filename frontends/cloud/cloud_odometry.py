@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b
 from wayfi.frontends.cloud.cloud_fit import fit_cloud
 from wayfi.frontends.cloud.cloud_map import CloudMap
 from wayfi.frontends.cloud.height_band import deskew
@@ -39,14 +39,14 @@ class CloudOdometry:
     def _register(self, thinned: Floats, map_points: Floats, guess: Pose2, guess_covariance: Floats) -> ScanMatch:
         expected = self._pose @ guess
         aligned = self._map.align(self._map.keypoints(thinned), expected)
-        R = _rotation(self._pose.theta)
-        prior = R @ np.linalg.inv(guess_covariance) @ R.T
+        theta = self._pose.theta
+        prior = covariance_in_b(np.asarray(np.linalg.inv(guess_covariance), np.float64), -theta)
         cloud = self._config.cloud
         fit = fit_cloud(thinned, map_points, aligned, expected, prior, cloud.fit)
         covariance_in_map = match_covariance(
             fit, self._config.degenerate_below, cloud.sigma_floor_m, cloud.sigma_floor_rad
         )
-        covariance = R.T @ covariance_in_map @ R
+        covariance = covariance_in_b(covariance_in_map, theta)
         alone = self._pose.between(without_prior(fit, expected, prior, self._config))
         match = ScanMatch(alone, covariance, fit.inlier_ratio, fit.residual_m)
         if fit.inlier_ratio < self._config.min_inlier_ratio:
@@ -99,9 +99,3 @@ class CloudLead:
             return fit.T_target_scan
         self._map.clear()
         return expected
-
-
-def _rotation(theta: float) -> Floats:
-    """(3, 3) rotation of (x, y, theta) from the axes of a frame, turned by `theta`, to those of its parent."""
-    c, s = np.cos(theta), np.sin(theta)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -60,7 +60,7 @@ class CloudIntake:
 
 
 def cloud_duration_ns(cloud: PointCloud) -> int:
-    """How long after its stamp the last point of a cloud was taken, ns; 0 where the message does not say."""
+    """How long after its stamp the last point of a cloud was taken, ns; 0 where its points have no times."""
     if cloud.time_s is None or len(cloud.time_s) == 0:
         return 0
     return max(int(float(cloud.time_s.max()) * 1e9), 0)

@@ -2,10 +2,10 @@
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.cloud.cloud_odometry import CloudLead
-from wayfi.frontends.intake.scan_intake import ScanIntake, Sweep
+from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.laser_odometry import LaserOdometry
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import PointCloud
+from wayfi.frontends.measurements import PointCloud, Sweep
 
 
 class LaserLead:

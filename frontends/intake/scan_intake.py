@@ -14,7 +14,7 @@ from wayfi.frontends.intake.cloud_intake import CloudIntake, cloud_duration_ns, 
 from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.mount import Mount
-from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, PointCloud, Sensor, StaticTransform, StaticTransforms, Sweep
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
@@ -23,8 +23,6 @@ MOST_FRAMES = 100  # whose mounts are kept
 MOST_WAITING, MOST_POINTS_WAITING = 200, 20_000_000  # scans: 5 s at 40 Hz; of what they hold: some 300 MB
 FURTHEST_MOUNT_M = 100.0
 SMALLEST_NORM, LARGEST_NORM = 1e-3, 1e3  # of a quaternion
-
-Sweep = LaserScan | PointCloud
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,7 @@ class CorrelativeConfig:
 
     cell_m: float = option(0.1, "m", "a scan's noise and the spacing of far beams; ICP refines to the centimetre")
     angle_step: float = option(0.015, "rad", "0.15 m at 10 m, which the field's blur covers")
-    blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still speak for it")
+    blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still support it")
     points: int = option(200, "", "more points change the peak's place by less than a cell")
     max_coarse_cells: int = option(600, "", "coarse cells opened before the search ends: bounds its cost")
     peak_apart_m: float = option(0.6, "m", "nearer than this, two poses are one peak")
@@ -99,14 +99,27 @@ def search(
     angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1, dtype=np.float64)
     half_cells = math.ceil(window.xy_m / config.cell_m)
     corners = np.arange(-half_cells, half_cells + 1, BRANCH)
-    cells = _cells_at(subset, field, guess.x, guess.y, angles)
-    bounds = _upper_bounds(cells, field, angles, corners, window)
-    order = np.argsort(-bounds.ravel(), kind="stable")[: config.max_coarse_cells]
-    row, column, angle, score, second = _best_poses(
-        cells, field, angles, corners, window, bounds, order, config.peak_apart_m, config.peak_apart_rad
-    )
+    row, column, angle, score, second = _search(
+        subset, field, guess.x, guess.y, angles, corners, window,
+        config.max_coarse_cells, config.peak_apart_m, config.peak_apart_rad,
+    )  # fmt: skip
     pose = Pose2.of((guess.x + row * field.cell_m, guess.y + column * field.cell_m, angles[angle]))
     return Peak(pose, score, second)
+
+
+@njit(cache=True)
+def _search(
+    points: Floats, field: LikelihoodField, x: float, y: float, angles: Floats, corners: NDArray[np.int64],
+    window: SearchWindow, max_coarse_cells: int, apart_m: float, apart_rad: float,
+) -> tuple[int, int, int, float, float]:  # fmt: skip
+    """What `_best_poses` gives, of the coarse cells from `corners` on at each of the angles (rad), best bounds first.
+
+    Rows and columns count from the guess x, y (m); the window's ellipse is around it and the middle angle.
+    """
+    cells = _cells_at(points, field, x, y, angles)
+    bounds = _upper_bounds(cells, field, angles, corners, window)
+    order = np.argsort(-bounds.ravel(), kind="mergesort")[:max_coarse_cells]
+    return _best_poses(cells, field, angles, corners, window, bounds, order, apart_m, apart_rad)
 
 
 @njit(cache=True)

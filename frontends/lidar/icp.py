@@ -60,6 +60,7 @@ class _IcpParams(NamedTuple):
     gate_end_m: float
     gate_factor: float
     kernel_share: float
+    inlier_m: float
     sigma_m: float
     least_sigma_m: float
     correlated_points: float
@@ -69,23 +70,28 @@ class _IcpParams(NamedTuple):
     def of(cls, config: IcpConfig) -> "_IcpParams":
         return cls(
             config.iterations, config.gate_start_m, config.gate_end_m, config.gate_factor, config.kernel_share,
-            config.sigma_m, config.least_sigma_m, config.correlated_points, math.cos(config.max_turned_rad),
+            config.inlier_m, config.sigma_m, config.least_sigma_m, config.correlated_points,
+            math.cos(config.max_turned_rad),
         )  # fmt: skip
 
 
 def icp(scan: ScanPoints, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
     """Align `scan` to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about the guess."""
     points = np.ascontiguousarray(scan.points)
-    pose, information = _align(points, scan.normals, target, guess.array(), prior, _IcpParams.of(config))
-    inliers, residual_m = _inliers(points, target, pose, config.inlier_m)
+    pose, information, inliers, residual_m = _align(
+        points, scan.normals, target, guess.array(), prior, _IcpParams.of(config)
+    )
     return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual_m)
 
 
 @njit(cache=True)
 def _align(
     points: Floats, normals: Floats, target: PointIndex, guess: Floats, prior: Floats, params: _IcpParams
-) -> tuple[Floats, Floats]:
-    """T_target_scan (3,) by Gauss-Newton steps with a gate that narrows, and the points' information (3, 3) there."""
+) -> tuple[Floats, Floats, int, float]:
+    """T_target_scan (3,) by Gauss-Newton steps with a gate that narrows, and the points' information (3, 3) there.
+
+    Also the number of inliers and their mean distance (m).
+    """
     pose = guess.copy()
     variance = params.sigma_m * params.sigma_m
     information = np.zeros((3, 3))
@@ -102,7 +108,8 @@ def _align(
         pose += step
         if narrow and abs(step[0]) + abs(step[1]) < SETTLED_M and abs(step[2]) < SETTLED_RAD:
             break
-    return pose, information
+    inliers, residual_m = _inliers(points, target, pose, params.inlier_m)
+    return pose, information, inliers, residual_m
 
 
 @njit(cache=True)
@@ -112,19 +119,20 @@ def _normal_equations(
     """Sums over the correspondences: w J J' (3, 3), w J e (3,), w and w e^2 of their weights w and residuals e (m)."""
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
     weights, squares = 0.0, 0.0
+    walls, wall_normals, cells = target.points, target.normals, target.cells
     scale_m = max(params.kernel_share * gate_m, params.sigma_m)
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
         rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         x, y = rx + pose[0], ry + pose[1]
-        k = nearest(x, y, min(gate_m, target.cells.cell_m), target.points, target.cells)
-        if k < 0 or np.isnan(target.normals[k, 0]):
+        k = nearest(x, y, min(gate_m, cells.cell_m), walls, cells)
+        if k < 0 or np.isnan(wall_normals[k, 0]):
             continue
-        nx, ny = target.normals[k, 0], target.normals[k, 1]
+        nx, ny = wall_normals[k, 0], wall_normals[k, 1]
         turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
         if turned_x * nx + turned_y * ny < params.min_cos:
             continue
-        error = nx * (x - target.points[k, 0]) + ny * (y - target.points[k, 1])
+        error = nx * (x - walls[k, 0]) + ny * (y - walls[k, 1])
         weight = 1.0 / (1.0 + (error / scale_m) ** 2)
         weights += weight
         squares += weight * error * error

@@ -3,8 +3,6 @@
 Vizzo et al., "KISS-ICP: In Defense of Point-to-Point ICP" (RA-L 2023); the points lie at z = 0.
 """
 
-import math
-
 import numpy as np
 from kiss_icp.config.parser import load_config
 from kiss_icp.kiss_icp import KissICP
@@ -29,5 +27,4 @@ class LaserOdometry:
         """T_odom_base after a scan of (n, 2) `points` in base_link, m."""
         spatial = np.column_stack([points, np.zeros(len(points))])
         self._kiss.register_frame(spatial, np.zeros(len(points)))
-        T = self._kiss.last_pose
-        return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))
+        return Pose2.in_plane(self._kiss.last_pose)

@@ -12,7 +12,7 @@ from wayfi.frontends.measurements import LaserScan
 from wayfi.frontends.scan_points import ScanPoints
 
 MIN_RANGE_M = 0.02  # a UST-20LX's; nearer is the sensor's own window, whatever range_min the message states
-SPACINGS = 2.5  # of the beams that a neighbour may be away: two on each side, and half of one for a slanted wall
+SPACINGS = 2.5  # of the beams that a neighbour may be away: two to each side, and a half for a slanted wall
 MAX_RADII = 3.0  # of `normal_radius_m`, at most: at 0.6 m a wall may have ended and another begun
 HALF_AS_THICK = 0.25  # in variance: one side's line fits that much better where there is a corner
 MIN_SINE = 0.1  # of a ray to its wall: at a smaller angle the normal's own error decides what length a beam covers

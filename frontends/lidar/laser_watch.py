@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
-from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, Sweep
 
 BLOCKED, FEW_RETURNS, LATE, SILENT = "blocked", "few_returns", "late", "silent"
 
 # Of a gap of the odometry at most so much counts as silence of the laser: it was the odometry that was silent.
 MAX_STEP_NS = SECOND_NS
-
-Sweep = LaserScan | PointCloud
 
 ENDS = {
     BLOCKED: "it sees again",

@@ -45,10 +45,10 @@ class LaserClockConfig:
 
     max_offset_s: float = option(3.0, "s", "either way: scans more than 2 s ahead of the odometry are not used at all")
     step_s: float = option(0.1, "s", "between offsets that are compared; a parabola through three refines the best")
-    min_turn_rad: float = option(0.1, "rad", "between keyframes: a smaller turn hardly tells when it was made")
+    min_turn_rad: float = option(0.1, "rad", "between keyframes: a smaller turn is as much noise as turn")
     max_error_rad: float = option(0.3, "rad", "a failed scan match counts no more than this")
     min_turns: int = option(6, "turns", "fewer may agree on an offset by chance")
-    max_turns: int = option(40, "turns", "the last ones are compared: a clock that was just set is found in 40")
+    max_turns: int = option(40, "turns", "the last ones: older turns may be from before the clock was set")
     min_gain: float = option(6.0, "1", "factor on the mean squared error; sound recordings were seen to have 2.7")
     good_error_rad: float = option(0.05, "rad", "root mean square without an offset: below it none is looked for")
 

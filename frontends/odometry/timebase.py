@@ -1,17 +1,20 @@
-"""Stamps made monotone: single stamps that jump are dropped, a clock that was set back shifts the time base."""
+"""The time base: makes stamps monotone. Single stamps that jump are dropped; a clock set back shifts the time base."""
 
 from dataclasses import dataclass, field
 
 from wayfi.frontends.events import DropReason
+from wayfi.frontends.measurements import SECOND_NS
 
-LASTING_JUMP_NS = 1_000_000_000
-LASTING_MESSAGES = 5
-LEAP_NS = 60_000_000_000  # ahead: a gap, if the next messages agree; a lone one is a broken stamp
-LAST_LEAP_NS = (2**31 - 365 * 86_400) * 1_000_000_000  # no leap goes further: a year is left of what a message can say
+MIN_SHIFT_NS = SECOND_NS  # back: less is messages out of order, or a correction by NTP, and soon over
+CONFIRMING_MESSAGES = 5  # in a row that confirm a jump: single broken stamps move nothing, and 0.5 s is lost at 10 Hz
+LEAP_NS = 60 * SECOND_NS  # ahead: pauses are mostly shorter; a stamp beyond needs the next ones to confirm it
+MAX_STAMP_NS = (2**31 - 365 * 86_400) * SECOND_NS  # a message's seconds are int32: leaves a year for shifts to go on
 
 
 @dataclass(slots=True)
 class _Stream:
+    """The last accepted stamp of a stream, its interval to the one before, and the stamps since that jumped."""
+
     last_ns: int
     interval_ns: int = 0
     back: list[int] = field(default_factory=list)
@@ -20,7 +23,7 @@ class _Stream:
 
 @dataclass(frozen=True, slots=True)
 class Stamped:
-    """A stamp on the time base (ns), or why the message is dropped; `shift_ns` is set when the time base was moved."""
+    """A stamp on the time base, or why the message is `dropped`. `shift_ns` is by how much it moved the time base."""
 
     stamp_ns: int
     dropped: DropReason | None = None
@@ -28,10 +31,10 @@ class Stamped:
 
 
 class TimeBase:
-    """One offset for all sensors, since they share the robot's clock; order is kept for each stream by itself.
+    """One offset for all sensors, since they share the robot's clock; the order is checked for each stream by itself.
 
-    A clock set forward looks like a gap in the data, and is taken for one. Where the stamps of messages would not
-    reach so far, it is right again after it was set back, and the offset is taken back.
+    A clock set forward looks like a gap in the data, and is treated as one. A stamp that the offset would take beyond
+    MAX_STAMP_NS means that the clock was set back before and is right again: then the offset is reduced.
     """
 
     def __init__(self) -> None:
@@ -39,13 +42,13 @@ class TimeBase:
         self._streams: dict[str, _Stream] = {}
 
     def accept(self, stream: str, stamp_ns: int) -> Stamped:
-        """The stamp of the next message of `stream`, in ns of the time base."""
+        """The stamp on the time base of the next message of `stream`, whose own stamp is `stamp_ns`."""
         known = self._streams.get(stream)
         stamp_ns += self.offset_ns
         if known is None:
             return self._begin(stream, stamp_ns)
         if stamp_ns - known.last_ns > LEAP_NS:
-            return self._leapt_ahead(known, stamp_ns)
+            return self._jumped_ahead(known, stamp_ns)
         if stamp_ns > known.last_ns:
             return _follow(known, stamp_ns)
         if stamp_ns == known.last_ns:
@@ -53,38 +56,38 @@ class TimeBase:
         return self._jumped_back(known, stamp_ns)
 
     def _begin(self, stream: str, stamp_ns: int) -> Stamped:
-        if stamp_ns > LAST_LEAP_NS:
+        if stamp_ns > MAX_STAMP_NS:
             return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
         self._streams[stream] = _Stream(stamp_ns)
         return Stamped(stamp_ns)
 
-    def _leapt_ahead(self, stream: _Stream, stamp_ns: int) -> Stamped:
+    def _jumped_ahead(self, stream: _Stream, stamp_ns: int) -> Stamped:
         if self._is_lone_leap(stream, stamp_ns):
             return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
-        if stamp_ns <= LAST_LEAP_NS:
+        if stamp_ns <= MAX_STAMP_NS:
             return _follow(stream, stamp_ns)
         next_ns = stream.last_ns + max(stream.interval_ns, 1) + stamp_ns - stream.ahead[0]
         stream.ahead.clear()
-        taken_back_ns = min(self.offset_ns, max(stamp_ns - next_ns, 0))
-        if stamp_ns - taken_back_ns > LAST_LEAP_NS:
+        reduced_by_ns = min(self.offset_ns, max(stamp_ns - next_ns, 0))
+        if stamp_ns - reduced_by_ns > MAX_STAMP_NS:
             return Stamped(stamp_ns, DropReason.STAMP_AHEAD)
-        self.offset_ns -= taken_back_ns
-        return _follow(stream, stamp_ns - taken_back_ns, -taken_back_ns)
+        self.offset_ns -= reduced_by_ns
+        return _follow(stream, stamp_ns - reduced_by_ns, -reduced_by_ns)
 
     def _is_lone_leap(self, stream: _Stream, stamp_ns: int) -> bool:
-        """Whether a stamp far ahead still stands alone; after as many in a row as a lasting jump takes it is a gap."""
+        """Whether too few stamps in a row have been as far ahead as this one for a gap."""
         if stream.ahead and not 0 < stamp_ns - stream.ahead[-1] < LEAP_NS:
             stream.ahead.clear()
         stream.ahead.append(stamp_ns)
-        return len(stream.ahead) < LASTING_MESSAGES
+        return len(stream.ahead) < CONFIRMING_MESSAGES
 
     def _jumped_back(self, stream: _Stream, stamp_ns: int) -> Stamped:
         rising = not stream.back or 0 < stamp_ns - stream.back[-1] < LEAP_NS
-        if stream.last_ns - stamp_ns <= LASTING_JUMP_NS or not rising:
+        if stream.last_ns - stamp_ns <= MIN_SHIFT_NS or not rising:
             stream.back.clear()
             return Stamped(stamp_ns, DropReason.STAMP_BACK)
         stream.back.append(stamp_ns)
-        if len(stream.back) < LASTING_MESSAGES:
+        if len(stream.back) < CONFIRMING_MESSAGES:
             return Stamped(stamp_ns, DropReason.STAMP_BACK)
         step = stream.back[-1] - stream.back[0]
         shift_ns = stream.last_ns + max(stream.interval_ns, 1) + step - stamp_ns

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
-from wayfi.backend.graph.gtsam_factors import covariance_in_b
-from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
 

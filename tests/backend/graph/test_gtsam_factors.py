@@ -11,13 +11,12 @@ from scipy.stats import chi2
 from wayfi.backend.graph.gtsam_factors import (
     CALIBRATION,
     between_factor,
-    covariance_in_b,
     near_factor,
     pose_key,
     wheel_factor,
 )
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place, wrap
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place, wrap
 
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
 POSES = st.builds(Pose2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))

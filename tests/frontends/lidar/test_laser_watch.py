@@ -14,10 +14,9 @@ from wayfi.frontends.lidar.laser_watch import (
     LATE,
     SILENT,
     LaserWatch,
-    Sweep,
 )
 from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
-from wayfi.frontends.measurements import LaserScan, PointCloud
+from wayfi.frontends.measurements import LaserScan, PointCloud, Sweep
 
 S = 1_000_000_000
 BEAMS = 360
@@ -128,7 +127,7 @@ def test_a_range_that_many_beams_share_at_the_top_is_no_return_and_told_once() -
     assert drive.complaints() == []
 
 
-def test_a_wall_that_looked_like_a_ceiling_is_seen_again_once_a_scan_sees_further() -> None:
+def test_a_wall_that_looked_like_no_return_is_seen_again_once_a_scan_sees_further() -> None:
     drive = Drive()
     wall = np.where(np.arange(BEAMS) < 40, 5.0, 3.0)
     drive.see(scan_of(wall))

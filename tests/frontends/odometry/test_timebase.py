@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.frontends.events import DropReason
-from wayfi.frontends.odometry.timebase import LAST_LEAP_NS, LASTING_JUMP_NS, LASTING_MESSAGES, TimeBase
+from wayfi.frontends.odometry.timebase import CONFIRMING_MESSAGES, MAX_STAMP_NS, MIN_SHIFT_NS, TimeBase
 from wayfi.recordings.ros.messages import NS_PER_S
 
 S = 1_000_000_000
@@ -51,10 +51,10 @@ def test_a_clock_set_back_shifts_the_time_base_once_and_for_all_sensors() -> Non
     assert accepted(time, "scan", before) == before
     after = [START - back + (20 + k) * step for k in range(20)]
     seen = [time.accept("odom", stamp) for stamp in after]
-    assert [s.dropped for s in seen[: LASTING_MESSAGES - 1]] == [DropReason.STAMP_BACK] * (LASTING_MESSAGES - 1)
-    assert seen[LASTING_MESSAGES - 1].shift_ns == time.offset_ns == back
-    assert [s.stamp_ns for s in seen[LASTING_MESSAGES - 1 :]] == [
-        stamp + back for stamp in after[LASTING_MESSAGES - 1 :]
+    assert [s.dropped for s in seen[: CONFIRMING_MESSAGES - 1]] == [DropReason.STAMP_BACK] * (CONFIRMING_MESSAGES - 1)
+    assert seen[CONFIRMING_MESSAGES - 1].shift_ns == time.offset_ns == back
+    assert [s.stamp_ns for s in seen[CONFIRMING_MESSAGES - 1 :]] == [
+        stamp + back for stamp in after[CONFIRMING_MESSAGES - 1 :]
     ]
     assert accepted(time, "scan", after) == [stamp + back for stamp in after]
     assert time.offset_ns == back
@@ -63,21 +63,21 @@ def test_a_clock_set_back_shifts_the_time_base_once_and_for_all_sensors() -> Non
 def test_four_stamps_behind_are_dropped_and_the_fifth_comes_too_late_to_shift() -> None:
     time = TimeBase()
     accepted(time, "odom", [START, START + 100 * MS])
-    for k in range(LASTING_MESSAGES - 1):
+    for k in range(CONFIRMING_MESSAGES - 1):
         assert time.accept("odom", START - 10 * S + k).dropped is DropReason.STAMP_BACK
     assert time.accept("odom", START + 200 * MS).dropped is None
-    for k in range(LASTING_MESSAGES - 1):
+    for k in range(CONFIRMING_MESSAGES - 1):
         assert time.accept("odom", START - 10 * S + k).dropped is DropReason.STAMP_BACK
     assert time.offset_ns == 0
 
 
 def test_a_lasting_jump_of_less_than_a_second_is_waited_out() -> None:
     time = TimeBase()
-    accepted(time, "odom", [START, START + LASTING_JUMP_NS])
+    accepted(time, "odom", [START, START + MIN_SHIFT_NS])
     late = [START + k * MS for k in range(20)]
     assert accepted(time, "odom", late) == []
     assert time.offset_ns == 0
-    assert accepted(time, "odom", [START + LASTING_JUMP_NS + 1]) == [START + LASTING_JUMP_NS + 1]
+    assert accepted(time, "odom", [START + MIN_SHIFT_NS + 1]) == [START + MIN_SHIFT_NS + 1]
 
 
 def test_a_gap_is_a_gap() -> None:
@@ -107,13 +107,13 @@ def test_streams_need_no_order_between_them() -> None:
 
 def test_a_first_stamp_where_messages_end_begins_nothing() -> None:
     time = TimeBase()
-    assert time.accept("odom", LAST_LEAP_NS + 1).dropped is DropReason.STAMP_AHEAD
+    assert time.accept("odom", MAX_STAMP_NS + 1).dropped is DropReason.STAMP_AHEAD
     assert accepted(time, "odom", [START]) == [START]
 
 
 def test_no_leap_goes_to_where_messages_end_however_long_it_lasts() -> None:
     time = TimeBase()
-    stamps = [START, *(LAST_LEAP_NS + k * S for k in range(1, 100))]
+    stamps = [START, *(MAX_STAMP_NS + k * S for k in range(1, 100))]
     assert accepted(time, "odom", stamps) == [START]
     assert accepted(time, "odom", [START + S]) == [START + S]
 
@@ -122,10 +122,10 @@ def test_a_clock_set_to_zero_and_right_again_is_followed_both_ways() -> None:
     time = TimeBase()
     right = [START + k * S for k in range(10)]
     assert accepted(time, "odom", right) == right
-    assert len(accepted(time, "odom", [k * S for k in range(10)])) == 10 - LASTING_MESSAGES + 1
+    assert len(accepted(time, "odom", [k * S for k in range(10)])) == 10 - CONFIRMING_MESSAGES + 1
     assert time.offset_ns > START
     again = accepted(time, "odom", [START + k * S for k in range(20, 30)])
-    assert len(again) == 10 - LASTING_MESSAGES + 1
+    assert len(again) == 10 - CONFIRMING_MESSAGES + 1
     assert again[0] > right[-1]
     assert again[-1] == START + 29 * S
     assert time.offset_ns == 0

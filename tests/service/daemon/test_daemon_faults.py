@@ -37,7 +37,7 @@ from rerun.chunk import RrdReader
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
-from wayfi.frontends.odometry.timebase import LASTING_MESSAGES
+from wayfi.frontends.odometry.timebase import CONFIRMING_MESSAGES
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part, parts_of
 from wayfi.recordings.mcap.recording import McapWriter, open_recording
@@ -146,13 +146,13 @@ def test_a_sensor_silent_for_a_minute(longer: Simulated, tmp_path: Path, kind: t
 
 def test_clocks_that_jump(minute: Simulated, tmp_path: Path) -> None:
     daemon = driven(tmp_path, jumping(minute.arrivals))
-    assert_every_pose(daemon, overtaken=LASTING_MESSAGES, restamped=LASTING_MESSAGES)
-    assert drops(daemon, "/odom") == {DropReason.STAMP_BACK: LASTING_MESSAGES - 1}
+    assert_every_pose(daemon, overtaken=CONFIRMING_MESSAGES, restamped=CONFIRMING_MESSAGES)
+    assert drops(daemon, "/odom") == {DropReason.STAMP_BACK: CONFIRMING_MESSAGES - 1}
 
 
 def test_all_of_it_at_once(longer: Simulated, tmp_path: Path) -> None:
     daemon = driven(tmp_path, mangled(jumping(silent(longer.arrivals, WifiScan)), seed=2))
-    assert_every_pose(daemon, overtaken=LASTING_MESSAGES, restamped=LASTING_MESSAGES)
+    assert_every_pose(daemon, overtaken=CONFIRMING_MESSAGES, restamped=CONFIRMING_MESSAGES)
     assert len(poses_of(daemon)) > 0.8 * longer.count(Odometry)
 
 
