@@ -27,7 +27,8 @@ ENDS = {
 }
 
 
-def _complaint_texts(config: LaserWatchConfig) -> dict[str, str]:
+def complaint_texts(config: LaserWatchConfig) -> dict[str, str]:
+    """The text of each fault's complaint."""
     return {
         BLOCKED: "something covers it; such scans are not used",
         FEW_RETURNS: "few of its beams return (glass, dirt, or a place wider than its range)",
@@ -44,7 +45,7 @@ class LaserWatch:
         self._recent: dict[str, deque[bool]] = {
             fault: deque(maxlen=config.window) for fault in (BLOCKED, FEW_RETURNS, LATE)
         }
-        self._texts = _complaint_texts(config)
+        self._texts = complaint_texts(config)
         self._complaints: set[str] = set()
         self._no_return = NoReturnRange(config)
         self._silent_ns: int | None = None

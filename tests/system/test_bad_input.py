@@ -18,7 +18,8 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.lidar.laser_watch import ENDS, FEW_RETURNS, LATE, TEXTS
+from wayfi.frontends.lidar.laser_watch import ENDS, FEW_RETURNS, LATE, complaint_texts
+from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import McapWriter
@@ -66,7 +67,7 @@ def clock_complaints(where: str) -> tuple[str, ...]:
 
 def laser_complaint(fault: str, ends: bool = False) -> tuple[str, ...]:
     """What is said of the laser."""
-    return (f"laser: {TEXTS[fault]}",) + ((f"laser: {ENDS[fault]}",) if ends else ())
+    return (f"laser: {complaint_texts(LaserWatchConfig())[fault]}",) + ((f"laser: {ENDS[fault]}",) if ends else ())
 
 
 def some_of(kind: Any, numbers: list[int], how: Callable[[Arrival], Arrival]) -> Faulty:  # noqa: ANN401 - a class
