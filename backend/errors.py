@@ -1,4 +1,4 @@
-"""The one root of every error that wayfi raises on purpose."""
+"""The base class of every error that wayfi raises on purpose."""
 
 
 class WayfiError(Exception):

@@ -75,16 +75,37 @@ class Pose2:
         return np.array([self.x, self.y, self.theta])
 
     @staticmethod
+    def in_plane(T: Floats) -> "Pose2":
+        """The x, y and heading of a (4, 4) pose in space."""
+        return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))
+
+    @staticmethod
     def of(values: Iterable[float]) -> "Pose2":
         """The pose of three numbers x, y, theta."""
         x, y, theta = values
         return Pose2(float(x), float(y), wrap(float(theta)))
 
 
-def meeting(place_a: Floats, place_b: Floats, turned: float) -> Pose2:
-    """T_a_b of two frames, turned by `turned` (rad), in which `place_a` (2,) m in a and `place_b` in b are one."""
+def pose_of_common_place(place_a: Floats, place_b: Floats, turned: float) -> Pose2:
+    """T_a_b where `place_a` (2,) m in frame a is `place_b` (2,) m in frame b, and b is turned by `turned` (rad)."""
     x, y = place_a - Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
     return Pose2.of((x, y, turned))
+
+
+def diagonal_covariance(sigma_m: float, sigma_rad: float) -> Floats:
+    """(3, 3) covariance of a pose whose x, y (m) and theta (rad) err independently."""
+    return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+
+
+def covariance_in_b(covariance: Floats, theta_a_b: float) -> Floats:
+    """The (3, 3) covariance or information of a pose in (x, y, theta) of frame a, in those of b, turned by `theta_a_b`.
+
+    gtsam's tangent space of T_a_b has the axes of b.
+    """
+    c, s = math.cos(theta_a_b), math.sin(theta_a_b)
+    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned: Floats = R @ covariance @ R.T
+    return turned
 
 
 def adjoint(T: Pose2) -> Floats:

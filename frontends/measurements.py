@@ -101,4 +101,5 @@ class StaticTransforms:
     transforms: tuple[StaticTransform, ...]
 
 
+Sweep = LaserScan | PointCloud
 Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms

@@ -10,7 +10,6 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake, sensor_of
-from wayfi.frontends.intake.scan_queue import Sweep
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.measurements import (
@@ -21,6 +20,7 @@ from wayfi.frontends.measurements import (
     PointCloud,
     Sensor,
     StaticTransforms,
+    Sweep,
     WifiScan,
 )
 from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry

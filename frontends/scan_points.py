@@ -7,9 +7,9 @@ from wayfi.backend.pose2 import Floats, Pose2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanPoints:
-    """One sweep in base_link at one moment: `points` (n, 2) m, their `normals` (n, 2; NaN where unknown).
+    """One sweep in base_link, as of one moment: `points` (n, 2) m and their unit `normals` (n, 2; NaN where unknown).
 
-    `T_base_laser` is where the sensor stands.
+    `T_base_laser` is the sensor's pose.
     """
 
     points: Floats

@@ -22,7 +22,7 @@ from wayfi.frontends.graph_estimate import GraphEstimate
 from wayfi.frontends.intake.scan_intake import PlacedScan
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.laser_clock import LaserClock
-from wayfi.frontends.lidar.scan_tracker import ScanTracker, Tracked
+from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -178,7 +178,7 @@ class Slam:
 
     def _check(self, candidate: WifiCandidate, stamp_ns: int) -> list[Event]:
         """Check a candidate by the laser if that saw both places; without a verdict, hold it for WiFi's own."""
-        if not self._lidar_closer.sees(candidate):
+        if not self._lidar_closer.can_check(candidate):
             self._wifi.hold(candidate)
             return []
         outcome = self._lidar_closer.close_by_wifi(candidate, stamp_ns, self.poses)
@@ -198,13 +198,13 @@ class Slam:
     def _start_tracking(self) -> None:
         self._tracker = ScanTracker(self.keyframes, self._config.lidar, self._config.odometry)
         self._clouds = CloudOdometry(self._config.lidar)
-        self._laser_clock = LaserClock()
+        self._laser_clock = LaserClock(self._config.lidar.clock)
         self._matches: list[int] = []
 
     def _guess(self, point: PathPoint) -> Pose2:
         return Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._estimate.calibration)
 
-    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> Tracked | None:
+    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> KeyframeMatch | None:
         """Add the factors from the newest keyframe to number `number`: the wheels', and the laser's if it matches."""
         motion = self.motion_to(point)
         tracked = None
@@ -216,25 +216,25 @@ class Slam:
         self._graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
         return tracked
 
-    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> Tracked | None:
+    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> KeyframeMatch | None:
         """Match a keyframe's cloud by KISS-ICP where there is one that it can place, else its scan."""
         guess = motion.corrected(self._estimate.calibration)
         if placed.band is not None:
             tracked = self._clouds.match(placed.band, number, guess, self._tracker.wheel_covariance(motion))
             if tracked and self._is_match(tracked):
-                self._tracker.learn(motion, guess, tracked.match)
+                self._tracker.update_scale(motion, guess, tracked.match)
                 return tracked
         return self._tracker.match(placed.points, motion, guess, self.poses)
 
-    def _is_match(self, tracked: Tracked) -> bool:
+    def _is_match(self, tracked: KeyframeMatch) -> bool:
         return tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio
 
-    def _add_match(self, tracked: Tracked, point: PathPoint, number: int) -> None:
+    def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> None:
         match, before = tracked.match, self.keyframes[number - 1]
         factor = BetweenFactor(number - 1, number, match.T_submap_scan, match.covariance)
         self._matches.append(self._graph.add(factor))
         if before.scan is not None:
-            self._laser_clock.add(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
+            self._laser_clock.add_turn(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
 
     def _append(self, point: PathPoint, placed: PlacedScan | None, guess: Pose2) -> None:
         self.keyframes.append(Keyframe(point, placed.points if placed else None))
@@ -242,7 +242,9 @@ class Slam:
         sensor = placed.points.T_base_laser if placed else Pose2()
         self._grid.add(placed.hits if placed else NO_HITS, (sensor.x, sensor.y))
 
-    def _keyframe_events(self, number: int, tracked: Tracked | None, guess: Pose2, updated: list[Event]) -> list[Event]:
+    def _keyframe_events(
+        self, number: int, tracked: KeyframeMatch | None, guess: Pose2, updated: list[Event]
+    ) -> list[Event]:
         """The events of the new keyframe, of the update of the graph, and of the match of its scan."""
         keyframe, T_map_base = self.keyframes[number], Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan

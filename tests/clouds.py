@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.cloud.height_band import Mount, band_points
+from wayfi.frontends.cloud.height_band import band_points
 from wayfi.frontends.lidar.lidar_config import CloudConfig
+from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import PointCloud
 from wayfi.recordings.simulation import lidar3d
 from wayfi.recordings.simulation.surfaces import Surfaces, box, still

@@ -11,7 +11,8 @@ from drives import Arrival, Simulated, change
 from typer.testing import CliRunner
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.lidar.laser_watch import RULES, TEXTS
+from wayfi.frontends.lidar.laser_watch import ENDS, complaint_texts
+from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
 from wayfi.frontends.measurements import LaserScan, Odometry, WifiScan
 from wayfi.service.cli.app import app
 
@@ -60,7 +61,7 @@ def clock_complaints(where: str) -> tuple[str, ...]:
 
 def laser_complaint(fault: str, ends: bool = False) -> tuple[str, ...]:
     """What is said of the laser."""
-    return (f"laser: {TEXTS[fault]}",) + ((f"laser: {RULES[fault].ends}",) if ends else ())
+    return (f"laser: {complaint_texts(LaserWatchConfig())[fault]}",) + ((f"laser: {ENDS[fault]}",) if ends else ())
 
 
 def some_of(kind: Any, numbers: list[int], how: Callable[[Arrival], Arrival]) -> Faulty:  # noqa: ANN401 - a class

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.lidar.laser_points import walls_seen
+from wayfi.frontends.lidar.laser_points import scan_from_points
+from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, BEAMS, ranges
 from wayfi.recordings.simulation.surfaces import Surfaces, box, still
@@ -15,6 +16,7 @@ HALL = np.concatenate(
 )
 TWO_FOLD = np.concatenate([box(-4.0, -3.0, 4.0, 3.0), box(1.0, 1.0, 2.0, 1.5), box(-2.0, -1.5, -1.0, -1.0)])
 CORRIDOR = np.array([[-100.0, -1.2, 100.0, -1.2], [-100.0, 1.2, 100.0, 1.2]])
+LIDAR = LidarConfig(thinning_m=0.08)
 
 
 def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0.01) -> ScanPoints:
@@ -24,7 +26,7 @@ def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0
     bearing = ANGLE_MIN + ANGLE_INCREMENT * np.arange(BEAMS)[seen]
     measured = exact[seen] + sigma_m * rng.standard_normal(len(seen))
     points = measured[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    return walls_seen(points, Pose2(), 0.2, 0.08)
+    return scan_from_points(points, Pose2(), LIDAR)
 
 
 def faces_at(surfaces: Surfaces, time_s: float) -> Floats:

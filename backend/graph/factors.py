@@ -1,6 +1,6 @@
-"""The constraints that the pose graph is made of, and what a sound one is.
+"""The factors of the pose graph, and their validation.
 
-gtsam's update keeps a bad factor after it has raised: what is not sound must never reach it.
+gtsam's update keeps a bad factor after it has raised an error, so an invalid one must never reach it.
 """
 
 import math
@@ -14,7 +14,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 
 
 class FactorError(WayfiError):
-    """A factor that would have poisoned the graph."""
+    """A factor that the graph could not be solved with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class BetweenFactor:
 
 @dataclass(frozen=True, slots=True)
 class WheelFactor:
-    """What the wheels said between keyframes a and b, with the (3, 3) covariance of its random part."""
+    """The wheels' motion from keyframe a to b, with the (3, 3) covariance of its random part in (x, y, theta) of a."""
 
     a: int
     b: int
@@ -52,12 +52,12 @@ Factor = BetweenFactor | WheelFactor | NearFactor
 
 
 def closes_loop(factor: Factor) -> bool:
-    """Whether a factor ties keyframes that do not follow on each other."""
+    """Whether a factor relates keyframes that are not consecutive."""
     return isinstance(factor, NearFactor) or (isinstance(factor, BetweenFactor) and abs(factor.a - factor.b) > 1)
 
 
 def validate(factor: Factor, keyframes: int) -> None:
-    """Raises FactorError if a graph of `keyframes` could not be estimated with it."""
+    """Raises FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
     if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
         raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")

@@ -1,4 +1,4 @@
-"""The factors of the graph, as gtsam takes them. Covariances come in (x, y, theta) of the earlier pose, m and rad."""
+"""The graph's factors as gtsam's. Their covariances are in (x, y, theta) of keyframe a, m and rad."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +8,10 @@ import numpy as np
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, wrap
 
-CALIBRATION = gtsam.symbol("c", 0)
+CALIBRATION = gtsam.symbol("c", 0)  # gtsam's key of the wheels' calibration
+ORIGIN_SIGMA = 1e-4  # m and rad: a five-hundredth of a grid cell, and not so tight that the equations suffer
 
 
 def pose_key(keyframe: int) -> int:
@@ -18,16 +19,8 @@ def pose_key(keyframe: int) -> int:
     return int(gtsam.symbol("x", keyframe))
 
 
-def in_b(covariance: Floats, theta_a_b: float) -> Floats:
-    """A covariance (3, 3) of T_a_b in the axes of a, in the axes of b (where gtsam's tangent space lies)."""
-    c, s = math.cos(theta_a_b), math.sin(theta_a_b)
-    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    turned: Floats = R @ covariance @ R.T
-    return turned
-
-
 def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
-    """The factor, the wheels' calibration estimated with it."""
+    """The factor with the wheels' calibration as an unknown."""
     if isinstance(factor, BetweenFactor):
         return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
     if isinstance(factor, NearFactor):
@@ -36,21 +29,21 @@ def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
 
 
 def calibrated_factor(factor: Factor, calibration: Floats) -> gtsam.NonlinearFactor:
-    """The factor when the calibration (4,) is known: gtsam's own, which is many times faster, for the wheels."""
+    """The factor with a known calibration (4,): a wheel factor is then gtsam's own BetweenFactor, many times faster."""
     if isinstance(factor, WheelFactor):
         return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
     return gtsam_factor(factor)
 
 
 def origin_factor() -> gtsam.NonlinearFactor:
-    """The first keyframe is the origin of `map`."""
-    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1e-4, 1e-4, 1e-4]))
+    """The prior that the first keyframe is the origin of `map`."""
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.full(3, ORIGIN_SIGMA))
     return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(), noise)
 
 
 def between_factor(a: int, b: int, T_a_b: Pose2, covariance: Floats) -> gtsam.NonlinearFactor:
-    """The constraint that keyframe b stands at `T_a_b` in keyframe a."""
-    noise = gtsam.noiseModel.Gaussian.Covariance(in_b(covariance, T_a_b.theta))
+    """The constraint that the pose of keyframe b in keyframe a is `T_a_b`."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance_in_b(covariance, T_a_b.theta))
     return gtsam.BetweenFactorPose2(pose_key(a), pose_key(b), gtsam.Pose2(T_a_b.x, T_a_b.y, T_a_b.theta), noise)
 
 
@@ -74,23 +67,23 @@ def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
             # d(x, y, theta) of T_a_b by a right perturbation of a: -Ad, mapped to the axes of a, is this directly
             jacobians[0] = np.array([[-1.0, 0.0, y], [0.0, -1.0, -x], [0.0, 0.0, -1.0]], order="F")
             jacobians[1] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], order="F")
-            by_calibration = np.zeros((3, 4), order="F")
-            by_calibration[0] = 0.5 * expected.y * turn
-            by_calibration[1] = -0.5 * expected.x * turn
-            by_calibration[2] = -turn
-            by_calibration[0, 0] -= expected.x / (1 + calibration[0])
-            by_calibration[1, 0] -= expected.y / (1 + calibration[0])
-            jacobians[2] = by_calibration
+            J_calibration = np.zeros((3, 4), order="F")
+            J_calibration[0] = 0.5 * expected.y * turn
+            J_calibration[1] = -0.5 * expected.x * turn
+            J_calibration[2] = -turn
+            J_calibration[0, 0] -= expected.x / (1 + calibration[0])
+            J_calibration[1, 0] -= expected.y / (1 + calibration[0])
+            jacobians[2] = J_calibration
         return np.array([x - expected.x, y - expected.y, wrap(theta - expected.theta)])
 
     return error
 
 
 def near_factor(a: int, b: int, place_a: Floats, place_b: Floats, sigma_m: float) -> gtsam.NonlinearFactor:
-    """The constraint that `place_a` (2,) m in keyframe a and `place_b` in keyframe b are one place, to `sigma_m`.
+    """The constraint that `place_a` (2,) m in keyframe a and `place_b` (2,) m in b are one place, to `sigma_m` an axis.
 
-    "0 m apart", said hundreds of times, would shrink the map: the distance is counted in the wheels' own metres, so
-    that these constraints say nothing of the wheels' scale.
+    Hundreds of distances of 0 m would shrink the map. So the distance is divided by the wheels' scale, which makes the
+    constraint independent of that scale.
     """
     keys = [pose_key(a), pose_key(b), CALIBRATION]
     noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_m)
@@ -100,23 +93,23 @@ def near_factor(a: int, b: int, place_a: Floats, place_b: Floats, sigma_m: float
 def _near_error(keys: list[int], place_a: Floats, place_b: Floats) -> Callable[..., Floats]:
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         scale = 1.0 + values.atVector(keys[2])[0]
-        (at_a, by_a), (at_b, by_b) = (
-            _placed(values.atPose2(key), place) for key, place in zip(keys[:2], (place_a, place_b), strict=True)
+        (at_a, J_a), (at_b, J_b) = (
+            _position(values.atPose2(key), place) for key, place in zip(keys[:2], (place_a, place_b), strict=True)
         )
         apart: Floats = (at_b - at_a) / scale
         if jacobians is not None:
-            by_calibration = np.zeros((2, 4), order="F")
-            by_calibration[:, 0] = -apart / scale
-            jacobians[0] = np.asfortranarray(-by_a / scale)
-            jacobians[1] = np.asfortranarray(by_b / scale)
-            jacobians[2] = by_calibration
+            J_calibration = np.zeros((2, 4), order="F")
+            J_calibration[:, 0] = -apart / scale
+            jacobians[0] = np.asfortranarray(-J_a / scale)
+            jacobians[1] = np.asfortranarray(J_b / scale)
+            jacobians[2] = J_calibration
         return apart
 
     return error
 
 
-def _placed(pose: gtsam.Pose2, place: Floats) -> tuple[Floats, Floats]:
-    """Where a place in a keyframe lies in `map`, and the (2, 3) derivative by a small motion of the keyframe."""
+def _position(pose: gtsam.Pose2, place: Floats) -> tuple[Floats, Floats]:
+    """The position (2,) m in `map` of a place in a keyframe, and its (2, 3) derivative by the keyframe's tangent."""
     c, s = math.cos(pose.theta()), math.sin(pose.theta())
     R = np.array([[c, -s], [s, c]])
     return R @ place + (pose.x(), pose.y()), np.column_stack([R, R @ (-place[1], place[0])])

@@ -1,4 +1,4 @@
-"""How far the pose can be trusted: a first honest word, from its covariance."""
+"""The state of the estimate: how far the pose can be trusted, by its covariance."""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ def position_sigma(covariance: Floats) -> float:
 
 
 def judge_health(covariance: Floats, uncertain_sigma_m: float, lost_sigma_m: float) -> Health:
-    """The state that a pose of this (3, 3) covariance in `map` deserves."""
+    """The state of a pose with this (3, 3) covariance in `map`."""
     sigma = position_sigma(covariance)
     if not sigma < lost_sigma_m:
         return Health(State.LOST, f"position known to {sigma:.1f} m, over {lost_sigma_m:g} m")

@@ -9,8 +9,8 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats
 
 
-def fresh_isam(config: BackendConfig, prior: WheelCalibration, calibration: Floats) -> gtsam.ISAM2:
-    """iSAM2 with the wheels' calibration alone: known as `prior` says, and linearised at `calibration` (4,)."""
+def new_isam(config: BackendConfig, prior: WheelCalibration, calibration: Floats) -> gtsam.ISAM2:
+    """An iSAM2 that holds only the wheels' calibration, with its `prior`, linearised at `calibration` (4,)."""
     isam = gtsam.ISAM2(_params(config))
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.addPriorVector(CALIBRATION, prior.values, gtsam.noiseModel.Diagonal.Sigmas(prior.sigmas))
@@ -26,6 +26,6 @@ def _params(config: BackendConfig) -> gtsam.ISAM2Params:
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(thresholds)
     params.setFactorization("QR")  # Cholesky breaks down over long chains of wheels with one loose calibration
-    params.relinearizeSkip = 1
+    params.relinearizeSkip = 1  # look for states to relinearise at every update
     params.enablePartialRelinearizationCheck = True
     return params

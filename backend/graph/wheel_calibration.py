@@ -1,8 +1,8 @@
-"""How a robot's wheels err systematically, and the motion that they really made.
+"""The systematic errors of a robot's wheel odometry, and motions corrected for them.
 
 The state c = (s_d, s_t, b_m, b_s): scale of distance, scale of turning (both 0 when right), turn bias in rad per metre
-driven and in rad per second. Between two keyframes the wheels say (dx, dy, dtheta) over a path of L metres in t
-seconds; the robot turned e = s_t dtheta + b_m L + b_s t more than that, half of it on the way:
+driven and in rad per second. Between two keyframes the odometry measures (dx, dy, dtheta) over a path of L metres in t
+seconds. The robot turned e = s_t dtheta + b_m L + b_s t more than that, and half of it before the middle of the path:
     dtheta' = dtheta + e,   (dx', dy') = (1 + s_d) R(e / 2) (dx, dy).
 """
 
@@ -35,9 +35,9 @@ class WheelCalibration:
 
 @dataclass(frozen=True, slots=True)
 class WheelMotion:
-    """What the wheels said between two moments: the pose of the later in the earlier, the path (m) and the time (s).
+    """Wheel odometry between two moments: the pose of the later in the earlier, the path (m) and the time (s).
 
-    `discontinuities` times in between they began anew, and nobody knows how far the robot had been moved.
+    `discontinuities` counts where the odometry began anew in between: the robot may have been moved by any amount.
     """
 
     pose: Pose2
@@ -46,7 +46,7 @@ class WheelMotion:
     discontinuities: int = 0
 
     def corrected(self, calibration: Floats) -> Pose2:
-        """The motion that wheels of `calibration` (4,) made when they said this."""
+        """The motion of the robot, whose wheels have `calibration` (4,)."""
         scale, turn_scale, per_m, per_s = calibration
         extra = turn_scale * self.pose.theta + per_m * self.path_m + per_s * self.seconds
         c, s = math.cos(extra / 2) * (1 + scale), math.sin(extra / 2) * (1 + scale)

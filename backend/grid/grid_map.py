@@ -1,82 +1,69 @@
-"""Scans at poses -> occupancy grid, submap by submap: what a correction moved is drawn anew, the rest is kept.
+"""The occupancy grid of scans at poses, submap by submap: a correction redraws only the submaps that it moved.
 
-Some keyframes in a row are a submap; its scans are drawn into a patch of cells of the map, at their present poses.
-Patches weigh in one after the other, in the order of the drive, so that what was seen last wins.
+Consecutive keyframes form a submap; their scans are drawn into a patch of cells at their present poses. The patches are
+added up in the order of the drive, so that newer evidence wins.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid.drawing import Floats, GridScan, Points, draw_patch
+from wayfi.backend.grid.drawing import GridScan, Points, draw_patch
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.grid.patch import NOWHERE, CellWindow, Patch, around
-from wayfi.backend.options import option
-from wayfi.backend.pose2 import wrap_all
+from wayfi.backend.grid.patch import EMPTY, CellWindow, Patch, bounding_window
+from wayfi.backend.pose2 import Floats, wrap_all
 
-SUBMAP_KEYFRAMES = 20
-MOVED_CELLS = 0.8  # by which the rays of a scan end elsewhere where its submap is drawn anew; less is not seen
-REDRAWN_AT_ONCE = 5  # submaps that moved: 100 scans, 20 ms
-REDRAW_KEYFRAMES = 10  # between two redraws, at least: 5 m
-CELLS_A_KEYFRAME = 100_000  # of map, or ten times as many weighed in: so much of a redraw a keyframe pays for
-SLACK = 200  # cells to grow into
-
-
-@dataclass(frozen=True, slots=True)
-class MapConfig:
-    """How the occupancy grid is drawn and written."""
-
-    resolution_m: float = option(0.05, "m", "Nav2's and slam_toolbox's default; a door frame is two cells")
-    max_range_m: float = option(30.0, "m", "a UST-20LX's reach; beyond it a beam is wider than two cells")
-    occupied_probability: float = option(0.65, "", "Nav2's occupied_thresh; one hit more than passes deny")
-    free_probability: float = option(0.25, "", "Nav2's free_thresh; three passes")
-    margin_m: float = option(1.0, "m", "unknown cells around what was seen, so that a planner sees the map's end")
-    max_cells: int = option(30_000_000, "cells", "30 MB, and as much again to draw; 270 x 270 m at 5 cm, then coarser")
+SUBMAP_KEYFRAMES = 20  # 10 m: drawn in 4 ms, moved by a closure almost as one, and no more than MAX_SCANS
+REDRAWN_SUBMAPS = 5  # that moved, at one redraw: 100 scans, 20 ms
+REDRAW_KEYFRAMES = 10  # with scans, between two redraws: a new grid every 5 m
+CELLS_PER_KEYFRAME = 100_000  # of map, or ten times as many merged: a larger redraw waits for more keyframes
+SLACK = 200  # cells that the base grows by at once: 10 m, as many as a submap adds
 
 
 class GridMap:
-    """The grid of a drive: give it each keyframe's scan, and redraw it at the poses of the moment."""
+    """The grid of a drive: add each keyframe's scan, and redraw it at the present poses."""
 
     def __init__(self, config: MapConfig) -> None:
         self._config = config
         self._cell_m = config.resolution_m
         self._scans: list[GridScan] = []
         self._patches: list[Patch] = []
-        self._drawn = np.full((64, 3), np.nan)  # the pose at which each scan is drawn
-        self._reach_m = np.zeros((64, 2))  # how far from base_link the rays of each scan end: root mean square, at most
-        self._base = Patch(NOWHERE)  # all full submaps, weighed in
+        self._drawn = np.full((64, 3), np.nan)  # the pose at which each scan was drawn last, NaN if never
+        self._reach_m = np.zeros((64, 2))  # of each scan: root mean square and maximum distance of its points
+        self._base = Patch(EMPTY)  # the sum of the first `_in_base` submaps, which are full
         self._in_base = 0
-        self._fresh, self._due_after = 0, REDRAW_KEYFRAMES
+        self._new_scans, self._due_after = 0, REDRAW_KEYFRAMES
 
     def add(self, hits: Points, sensor_xy_m: tuple[float, float] = (0.0, 0.0)) -> None:
-        """The scan of the next keyframe: `hits` (m, 2) m in base_link, none where it has no scan; see GridScan."""
+        """Add the next keyframe's scan: `hits` (m, 2) m in base_link, (0, 2) where it has none; see GridScan."""
         number = len(self._scans)
         if number == len(self._drawn):
             self._drawn, self._reach_m = (np.resize(a, (2 * number, a.shape[1])) for a in (self._drawn, self._reach_m))
         if number % SUBMAP_KEYFRAMES == 0:
-            self._patches.append(Patch(NOWHERE))
+            self._patches.append(Patch(EMPTY))
         self._scans.append(GridScan(hits, sensor_xy_m))
         self._drawn[number] = np.nan
         self._reach_m[number] = _reach_m(hits, self._config.max_range_m + math.hypot(*sensor_xy_m))
-        self._fresh += len(hits) > 0
+        self._new_scans += len(hits) > 0
 
     @property
     def due(self) -> bool:
-        """Whether enough keyframes with scans have come since the last redraw: the larger the map, the more."""
-        return self._fresh >= self._due_after
+        """Whether a redraw is due: enough keyframes with scans have come since the last, more for a larger map."""
+        return self._new_scans >= self._due_after
 
     def redraw(self, poses: Floats) -> OccupancyGrid:
-        """The grid at `poses` (n, 3), T_map_base of all keyframes, as far as a bounded number of scans brings it.
+        """The grid at `poses` (n, 3), T_map_base of all keyframes, as far as a bounded number of scans allows.
 
-        What is new is drawn, then the submaps that moved furthest; the others stay as they are until a later call.
+        Draws new scans, then the submaps that moved furthest; the others stay as they are until a later call.
         Raises ValueError where there are not as many poses as scans.
         """
-        return self._redraw(poses, MOVED_CELLS * self._cell_m, REDRAWN_AT_ONCE + self._fresh // SUBMAP_KEYFRAMES)
+        most = REDRAWN_SUBMAPS + self._new_scans // SUBMAP_KEYFRAMES
+        return self._redraw(poses, self._config.moved_cells * self._cell_m, most)
 
     def settle(self, poses: Floats) -> OccupancyGrid:
-        """The grid at exactly `poses` (n, 3), whatever was drawn before; small and unknown all over without scans.
+        """The grid with every scan at exactly its pose of `poses` (n, 3); small and unknown without scans.
 
         Raises ValueError where there are not as many poses as scans.
         """
@@ -86,15 +73,15 @@ class GridMap:
         if len(poses) != len(self._scans):
             raise ValueError(f"{len(poses)} poses of {len(self._scans)} scans")
         self._choose_resolution(poses)
-        changed = [self._draw(number, poses) for number in self._stale(poses, tolerance_m)[:most]]
-        weighed_in = self._weigh_in(around(changed))
+        changed = [self._draw(number, poses) for number in self._moved_submaps(poses, tolerance_m)[:most]]
+        merged_cells = self._update_base(bounding_window(changed))
         grid = self._grid()
-        self._fresh = 0
-        self._due_after = max(REDRAW_KEYFRAMES, (grid.evidence.size + weighed_in // 10) // CELLS_A_KEYFRAME)
+        self._new_scans = 0
+        self._due_after = max(REDRAW_KEYFRAMES, (grid.evidence.size + merged_cells // 10) // CELLS_PER_KEYFRAME)
         return grid
 
     def _choose_resolution(self, poses: Floats) -> None:
-        """Cells twice as wide, until no more than `max_cells` are needed; all is drawn anew where that changes."""
+        """Double the cells' width until no more than `max_cells` are needed; a change redraws everything."""
         reach_m = self._reach_m[: len(poses), 1:]
         seen = np.isfinite(poses).all(axis=1) & (reach_m[:, 0] > 0)
         cell_m = self._config.resolution_m
@@ -105,12 +92,12 @@ class GridMap:
                 cell_m *= 2
         if cell_m != self._cell_m:
             self._cell_m = cell_m
-            self._patches = [Patch(NOWHERE) for _ in self._patches]
+            self._patches = [Patch(EMPTY) for _ in self._patches]
             self._drawn[:] = np.nan
-            self._base, self._in_base = Patch(NOWHERE), 0
+            self._base, self._in_base = Patch(EMPTY), 0
 
-    def _stale(self, poses: Floats, tolerance_m: float) -> NDArray[np.int64]:
-        """The submaps with a scan whose rays end more than `tolerance_m` off where they are drawn, furthest first."""
+    def _moved_submaps(self, poses: Floats, tolerance_m: float) -> NDArray[np.int64]:
+        """The submaps with a scan whose points lie over `tolerance_m` from where they were drawn, furthest first."""
         if len(poses) == 0:
             return np.empty(0, np.int64)
         off = poses - self._drawn[: len(poses)]
@@ -121,31 +108,31 @@ class GridMap:
         return np.argsort(-furthest_m, kind="stable")[: np.count_nonzero(furthest_m > tolerance_m)]
 
     def _draw(self, number: int, poses: Floats) -> CellWindow:
-        """Draw a submap; returns the cells around what that changes in the base."""
+        """Draw a submap at its poses; returns the window in which that changes the base."""
         first = number * SUBMAP_KEYFRAMES
         members = slice(first, min(first + SUBMAP_KEYFRAMES, len(poses)))
         before = self._patches[number].window
-        self._patches[number] = draw_patch(self._scans[members], poses[members], self._cell_m, self._config.max_range_m)
+        self._patches[number] = draw_patch(self._scans[members], poses[members], self._cell_m, self._config)
         self._drawn[members] = poses[members]
-        return around([before, self._patches[number].window]) if number < self._in_base else NOWHERE
+        return bounding_window([before, self._patches[number].window]) if number < self._in_base else EMPTY
 
-    def _weigh_in(self, changed: CellWindow) -> int:
-        """Bring the base up to date in `changed`, and with the submaps filled since; returns the cells it took."""
-        self._base = self._base.covering(changed, SLACK)
+    def _update_base(self, changed: CellWindow) -> int:
+        """Sum the base again in `changed`, and add the submaps that are full now; returns how many cells it touched."""
+        self._base = self._base.expanded_to(changed, SLACK)
         self._base.cells(changed)[:] = 0
-        taken = sum(self._base.add(patch, changed) for patch in self._patches[: self._in_base])
+        touched = sum(self._base.add(patch, changed) for patch in self._patches[: self._in_base])
         full = len(self._scans) // SUBMAP_KEYFRAMES
         for patch in self._patches[self._in_base : full]:
-            self._base = self._base.covering(patch.window, SLACK)
-            taken += self._base.add(patch, patch.window)
+            self._base = self._base.expanded_to(patch.window, SLACK)
+            touched += self._base.add(patch, patch.window)
         self._in_base = full
-        return taken
+        return touched
 
     def _grid(self) -> OccupancyGrid:
-        """All that is drawn, the submap still open on top, and a margin."""
+        """The sum of all patches, with a margin of unknown cells."""
         margin = math.ceil(self._config.margin_m / self._cell_m)
-        grid = Patch(around(patch.window for patch in self._patches).grown(margin))
-        known = grid.window.overlap(self._base.window)
+        grid = Patch(bounding_window(patch.window for patch in self._patches).padded(margin))
+        known = grid.window.intersection(self._base.window)
         grid.cells(known)[:] = self._base.cells(known)
         for patch in self._patches[self._in_base :]:
             grid.add(patch, patch.window)
@@ -155,7 +142,7 @@ class GridMap:
 
 
 def _reach_m(hits: Points, range_m: float) -> tuple[float, float]:
-    """How far from base_link points are, as a root mean square and at most, those beyond `range_m` cut to it."""
+    """Root mean square and maximum distance (m) of points from base_link; beyond `range_m` they count as that far."""
     far_m = np.minimum(np.hypot(hits[:, 0], hits[:, 1]), range_m)
     far_m = far_m[np.isfinite(far_m)]
     return (math.sqrt(float(np.mean(far_m**2))), float(far_m.max())) if len(far_m) else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""From a loop candidate to a verdict: the bounded check by scan matching, and the gate against what is known."""
+"""From a loop candidate to a verdict: a bounded check by scan matching, and the gate against the estimate."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.options import option
-from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
+from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
 from wayfi.frontends.closures.consensus import ConsensusConfig
 from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import icp
@@ -15,20 +15,26 @@ from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
 
-LEAST_WINDOW = (0.4, 0.1)  # m, rad: searched however sure the estimate is, for it may be sure and wrong
+PEAK_BLURS = 3  # sigmas of the field's Gaussian, which ends there: farther off, ICP has found another place
+MIN_SCORE = 1e-9  # of the best pose: keeps the ratio finite where nothing scores
 
 
 @dataclass(frozen=True)
 class ClosureConfig:
-    """Which candidates are checked, how far the check looks, and what it takes to be believed."""
+    """Which candidates are checked, how far the check searches, and which of its results become factors."""
 
     radius_m: float = option(5.0, "m", "the paper: LiDAR closures between poses that the estimate puts this near")
     min_path_m: float = option(15.0, "m", "nearer along the path the local submap has already closed it")
     check_every_m: float = option(1.0, "m", "checks nearer to each other see the same walls")
     closed_m: float = option(
-        6.0, "m", "of way by the newest closures: nearer than this, another one would tell nothing new"
+        6.0, "m", "along the path and the newest closures: between keyframes this near, another one adds nothing"
+    )
+    turn_cost_m_per_rad: float = option(
+        0.5, "m/rad", "of two keyframes as near, the one that looked the same way overlaps more"
     )
     submap_reach: int = option(7, "keyframes", "on each side of the candidate: 7 m of path")
+    min_window_m: float = option(0.4, "m", "to each side, however small the covariance: the estimate may be wrong")
+    min_window_rad: float = option(0.1, "rad", "as above")
     max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
     max_window_rad: float = option(0.5, "rad", "as above")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
@@ -38,6 +44,7 @@ class ClosureConfig:
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
     remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is taken back")
+    reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
@@ -45,7 +52,7 @@ class ClosureConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """Where b is expected in a, with the (3, 3) covariance of that in a's axes, m and rad."""
+    """The pose of b in a that the estimate predicts, with its (3, 3) covariance in a's axes, m and rad."""
 
     T_a_b: Pose2
     covariance: Floats
@@ -53,7 +60,10 @@ class Expected:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckResult:
-    """A bounded check: where it puts b in a, its (3, 3) covariance, and why it is refused ("" if it is not)."""
+    """T_a_b as a check measured it, its (3, 3) covariance in a's axes, and why it is `refused` ("" if it is not).
+
+    `second_peak` is the score of the best pose elsewhere over the best score; `submap` (n, 2) m is in a.
+    """
 
     T_a_b: Pose2
     covariance: Floats
@@ -74,7 +84,7 @@ def nearest_candidate(
         return None
     distance = np.hypot(*(poses[earlier, :2] - poses[keyframe, :2]).T)
     turned = np.abs(between_all(poses[keyframe], poses[earlier])[:, 2])
-    cost = distance + 0.5 * turned
+    cost = distance + config.turn_cost_m_per_rad * turned
     best = int(np.argmin(cost))
     return int(earlier[best]) if distance[best] <= config.radius_m else None
 
@@ -87,39 +97,53 @@ def check(
     config: ClosureConfig,
     lidar: LidarConfig,
 ) -> CheckResult | None:
-    """Search `scan` in the submap of a (scans at (n, 3) poses in its frame) where it is `expected`; None if empty."""
+    """Search `scan` of b in the submap of a around the `expected` pose, refine it by ICP, and gate the result.
+
+    The submap is `submap_scans` at `submap_poses` (n, 3) in a. None where it is empty, or the scan nearly so.
+    """
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    most = (config.max_window_m, config.max_window_rad)
-    window = SearchWindow.of(expected.covariance, config.gate_chi2, LEAST_WINDOW, most)
-    likelihood = build_field(submap.points, lidar.correlative)
-    peak = search(scan.points, likelihood, expected.T_a_b, window, lidar.correlative)
+    smallest, largest = (config.min_window_m, config.min_window_rad), (config.max_window_m, config.max_window_rad)
+    window = SearchWindow.of(expected.covariance, config.gate_chi2, smallest, largest)
+    peak = search(scan.points, build_field(submap.points, lidar.correlative), expected.T_a_b, window, lidar.correlative)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
-    floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
-    covariance = match_covariance(result, lidar) + floor
-    second = peak.second_score / max(peak.score, 1e-9)
-    chi2 = innovation_chi2(expected, result.T_target_scan, covariance)
-    refused = ""
-    if result.inlier_ratio < config.min_inlier_ratio:
-        refused = f"inlier ratio {result.inlier_ratio:.2f} under {config.min_inlier_ratio}"
-    elif position_sigma(covariance) > config.max_sigma_m:
-        refused = "the walls leave the pose open along them"
-    elif second > config.max_second_peak:
-        refused = f"ambiguous: second peak {second:.2f} of the best"
-    elif peak.pose.distance(result.T_target_scan) > 3 * lidar.correlative.blur_m:
-        refused = "ICP left the peak that the search found"
-    elif chi2 > config.gate_chi2:
-        refused = f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}"
+    covariance = match_covariance(result, lidar.degenerate_below, lidar.sigma_floor_m, lidar.sigma_floor_rad)
+    covariance = covariance + diagonal_covariance(config.sigma_floor_m, config.sigma_floor_rad)
+    second_peak = peak.second_score / max(peak.score, MIN_SCORE)
+    left_peak = peak.pose.distance(result.T_target_scan) > PEAK_BLURS * lidar.correlative.blur_m
+    refused = (
+        _refused_fit(result.inlier_ratio, covariance, second_peak, config)
+        or ("ICP left the peak that the search found" if left_peak else "")
+        or _refused_pose(expected, result.T_target_scan, covariance, config)
+    )
     return CheckResult(
-        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second, submap.points, refused
+        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second_peak, submap.points, refused
     )
 
 
-def at_one_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_m: float) -> tuple[Expected, float]:
-    """What is expected of T_a_b if `place_a` (2,) m in a and `place_b` in b are one, to `sigma_m` along each axis.
+def _refused_fit(inlier_ratio: float, covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
+    """Why the two scans do not fix a pose; empty if they do."""
+    if inlier_ratio < config.min_inlier_ratio:
+        return f"inlier ratio {inlier_ratio:.2f} under {config.min_inlier_ratio}"
+    if position_sigma(covariance) > config.max_sigma_m:
+        return "the walls leave the pose open along them"
+    if second_peak > config.max_second_peak:
+        return f"ambiguous: second peak {second_peak:.2f} of the best"
+    return ""
 
-    Also the chi2 (2 degrees of freedom) by which that contradicts what was expected before.
+
+def _refused_pose(expected: Expected, T_a_b: Pose2, covariance: Floats, config: ClosureConfig) -> str:
+    """Why the measured pose contradicts the estimate; empty if it does not."""
+    chi2 = innovation_chi2(expected, T_a_b, covariance)
+    return f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}" if chi2 > config.gate_chi2 else ""
+
+
+def update_by_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_m: float) -> tuple[Expected, float]:
+    """Kalman update of the expected T_a_b by the measurement that two places are one.
+
+    `place_a` (2,) m in a and `place_b` (2,) m in b are one place, to `sigma_m` along each axis. Also returns the chi2
+    (2 degrees of freedom) of the measurement against what was expected before.
     """
     T = expected.T_a_b
     turned = Pose2(0.0, 0.0, T.theta).transform(place_b[None])[0]

@@ -1,4 +1,4 @@
-"""Closing loops with the laser: candidates from the estimate and from WiFi, checked, judged, taken back if wrong."""
+"""Loop closures by the laser: candidates from the estimate and from WiFi, checked, and removed if they prove wrong."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -14,10 +14,10 @@ from wayfi.frontends.closures.lidar_check import (
     CheckResult,
     ClosureConfig,
     Expected,
-    at_one_place,
     check,
     innovation_chi2,
     nearest_candidate,
+    update_by_place,
 )
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
@@ -25,12 +25,10 @@ from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 
-REVIEWED = 20  # accepted closures: those that a new one may contradict
-
 
 @dataclass(frozen=True, slots=True)
 class _Proposed:
-    """Two keyframes that may be near each other, and who says so."""
+    """Two keyframes that may be near each other, by the estimate or by WiFi (`proposed_by`)."""
 
     a: int
     b: int
@@ -40,9 +38,9 @@ class _Proposed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckOutcome:
-    """What came of a WiFi candidate that the laser saw: `events`, and whether its loop is `closed` by it.
+    """The result of checking a WiFi candidate: its `events`, and whether it was accepted (`closed`).
 
-    It is `open` if it is not, and the estimate knows less of the two places than WiFi claims.
+    `open`: it was not, and the estimate is less certain of the relative position than WiFi is.
     """
 
     events: list[Event]
@@ -51,7 +49,7 @@ class CheckOutcome:
 
 
 class LidarCloser:
-    """Adds factors to the graph for candidates that pass the check, and removes those that prove wrong."""
+    """Adds factors to the graph for candidates that pass the check, and removes those that the graph contradicts."""
 
     def __init__(
         self,
@@ -77,36 +75,39 @@ class LidarCloser:
         if a is None:
             return []
         self._last_check_m = here.point.path_m
-        if self._way_m(a, keyframe) < self._closure.closed_m:
+        if self._shortest_path_m(a, keyframe) < self._closure.closed_m:
             return []
         expected = self._expected(a, keyframe, poses)
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
 
-    def sees(self, candidate: WifiCandidate) -> bool:
-        """Whether the laser saw both places of a WiFi candidate."""
+    def can_check(self, candidate: WifiCandidate) -> bool:
+        """Whether a WiFi candidate can be checked: its keyframes differ, and both have a scan."""
         a, b = candidate.a.keyframe, candidate.b.keyframe
         return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
 
     def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> CheckOutcome:
-        """Check what WiFi proposes, where the laser `sees` it; what lies on a way that is closed is not judged."""
+        """Check a WiFi candidate that `can_check` admits.
+
+        One whose keyframes are already near each other along the path and the closures gets no verdict.
+        """
         a, b = candidate.a, candidate.b
-        if self._way_m(a.keyframe, b.keyframe) < self._closure.closed_m:
+        if self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m:
             return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
         is_open = position_sigma(expected.covariance) > candidate.sigma_m
-        nearer, chi2 = at_one_place(expected, a.place, b.place, candidate.sigma_m)
+        updated, chi2 = update_by_place(expected, a.place, b.place, candidate.sigma_m)
         proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
             why = f"WiFi contradicts the estimate: chi2 {chi2:.1f} over {self._closure.gate_chi2}"
-            return CheckOutcome([self._judge(proposed, _unchecked(nearer, why))], open=is_open)
-        events = self._close(proposed, nearer, stamp_ns, poses)
+            return CheckOutcome([self._enter(proposed, _unchecked(updated, why))], open=is_open)
+        events = self._close(proposed, updated, stamp_ns, poses)
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
         return CheckOutcome(events, closed, is_open and not closed)
 
     def review(self, poses: Floats) -> list[Event]:
-        """Take back accepted closures that the estimate contradicts after all; the newest are looked at."""
+        """Remove those of the newest accepted closures that the estimate contradicts."""
         events: list[Event] = []
-        for number in sorted(self._accepted)[-REVIEWED:]:
+        for number in sorted(self._accepted)[-self._closure.reviewed :]:
             judged = self._verdicts[number]
             T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
             chi2 = innovation_chi2(Expected(T, np.zeros((3, 3))), judged.T_a_b, judged.covariance)
@@ -117,7 +118,7 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Take back every closure."""
+        """Remove every accepted closure, for `reason`."""
         numbers = sorted(self._accepted)
         for number in numbers:
             self._graph.remove(self._accepted.pop(number))
@@ -132,27 +133,28 @@ class LidarCloser:
         with self._timer("check"):
             done = check(scan, scans, placed, expected, self._closure, self._lidar)
         if done is None:
-            return [self._judge(proposed, _unchecked(expected, "too few points to check"))]
+            return [self._enter(proposed, _unchecked(expected, "too few points to check"))]
         shown = CheckDone(
             stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
         )
-        return [shown, self._judge(proposed, done)]
+        return [shown, self._enter(proposed, done)]
 
     def _expected(self, a: int, b: int, poses: Floats) -> Expected:
-        """T_a_b by the estimate; to its covariance is added what its factors leave out: drift that adds up one way."""
-        path_m = self._way_m(a, b)
+        """T_a_b by the estimate; its covariance includes systematic drift, which the graph's factors leave out."""
+        path_m = self._shortest_path_m(a, b)
         drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
         covariance = self._graph.relative_covariance(a, b) + np.diag(drift**2)
         return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
 
-    def _way_m(self, a: int, b: int) -> float:
-        """The shortest way (m) from a to b: the path between them, or by one of the newest closures."""
+    def _shortest_path_m(self, a: int, b: int) -> float:
+        """The shortest path (m) from keyframe a to b: the driven one, or one over one of the newest closures."""
         path = self._keyframes.paths_m
-        closures = [self._verdicts[number] for number in list(self._accepted)[-REVIEWED:]]
-        ways = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
-        return float(min([abs(path[b] - path[a]), *ways]))
+        closures = [self._verdicts[number] for number in list(self._accepted)[-self._closure.reviewed :]]
+        over_closures = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
+        return float(min([abs(path[b] - path[a]), *over_closures]))
 
-    def _judge(self, p: _Proposed, done: CheckResult) -> ClosureJudged:
+    def _enter(self, p: _Proposed, done: CheckResult) -> ClosureJudged:
+        """Enter the verdict on a candidate; add its factor if it is accepted."""
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
         judged = self._verdicts.enter(ClosureJudged(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.factors import NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2, meeting
+from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
 from wayfi.frontends.closures.consensus import (
     ConsensusConfig,
     Hypothesis,
@@ -199,7 +199,7 @@ class WifiCloser:
         a, b = candidate.a, candidate.b
         heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
         variance = self._claims.sigma_m(candidate) ** 2
-        return meeting(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
+        return pose_of_common_place(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
 
     def _enter(self, candidate: WifiCandidate, poses: Floats, proposed_by: str, refused: str) -> ClosureJudged:
         a, b = candidate.a, candidate.b

@@ -1,116 +1,129 @@
-"""The last step of a registration, from point to point to point to line, and how much of the pose it leaves open.
+"""The last step of a cloud's registration: a point-to-line fit, its inliers and its covariance.
 
-KISS-ICP says neither whether a cloud overlaps its map nor how well a pose is fixed, and the rings of a spinning LiDAR
-pull it towards standing still along a wall. So its pose is refined here to the lines that the map's points make around
-each nearest point, with the wheels' word as a prior, and judged by what is found there.
+KISS-ICP reports neither whether a cloud overlaps its map nor how well a pose is fixed, and along a wall the rings of a
+spinning LiDAR bias it towards no motion. So its pose is refined to the lines that the map's points make around
+each nearest point, with the wheels as a prior.
 
 The covariance of such an estimate is H^-1 M H^-1 (the "sandwich" of Huber and White), with H the Hessian, and M the
-sum of the outer products of the gradients as found; gradients are summed by square metre first, since points on one
-piece of wall err together (Liang and Zeger's clusters). In a corridor H says next to nothing along it: that direction
-is open.
+sum of the outer products of the gradients; gradients are summed by square metre first, since points on one piece of
+wall err together (Liang and Zeger's clusters). In a corridor H is next to zero along it: that direction is open.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.lidar.icp import IcpResult
-from wayfi.frontends.lidar.line_fit import line_through
-from wayfi.frontends.lidar.point_index import block_around, sort_by_cell
+from wayfi.frontends.lidar.lidar_config import CloudFitConfig
+from wayfi.frontends.lidar.line_fit import NO_POINTS, add_point, fit_line
+from wayfi.frontends.lidar.point_index import CellGrid, block_around, sort_by_cell
 
-GATE_M = 0.5  # also the side of a cell: nearest points are looked for in 3 x 3 of them
-CLUSTER_CELLS = 2
-WALL_RADIUS_M = 0.35
-KERNEL_M = 0.1  # Cauchy's: what is further from its wall is mostly something else
-INLIER_M = 0.15
-NOISE_M = 0.01  # of a range: residuals that happen to be smaller are luck
-ITERATIONS = 6
-SETTLED_M, SETTLED_RAD = 5e-4, 2e-5
+SETTLED_M, SETTLED_RAD = 5e-4, 2e-5  # a quarter of a cloud's sigma floor, and 0.5 mm at 25 m: steps end below it
+MIN_WALL_POINTS = 4  # two fix a line, two more confirm it
+MIN_SCATTER = 1e-9  # keeps M invertible where nothing was found: far below the (1 cm)^2 of a single point
 
 
-def fit_cloud(points: Floats, map_points: Floats, start: Pose2, guess: Pose2, prior: Floats) -> IcpResult:
-    """T_map_base of points (n, 3) in base_link among map points (p, 3), from `start`, with `prior` about `guess`.
+class _FitParams(NamedTuple):
+    """CloudFitConfig as compiled code takes it."""
 
-    `prior` (3, 3) is information in the map's axes. Inliers are points within INLIER_M of a wall of the map, or of a
+    gate_m: float
+    wall_radius_m: float
+    kernel_m: float
+    inlier_m: float
+    noise_m: float
+    cluster_cells: int
+
+    @classmethod
+    def of(cls, config: CloudFitConfig) -> "_FitParams":
+        return cls(
+            config.gate_m, config.wall_radius_m, config.kernel_m, config.inlier_m, config.noise_m, config.cluster_cells
+        )
+
+
+def fit_cloud(
+    points: Floats, map_points: Floats, start: Pose2, guess: Pose2, prior: Floats, config: CloudFitConfig
+) -> IcpResult:
+    """T_map_base of points (n, 3) m in base_link among map points (p, 3), from `start`, with `prior` about `guess`.
+
+    `prior` (3, 3) is information in the map's axes. Inliers are points within `inlier_m` of a wall of the map, or of a
     point where there is no wall.
     """
     if len(points) == 0 or len(map_points) == 0:
         return IcpResult(start, np.zeros((3, 3)), 0.0, 0.0)
-    order, cells = sort_by_cell(map_points, GATE_M)
+    order, cells = sort_by_cell(map_points, config.gate_m)
     map_points = map_points[order]
     walls = np.full((len(map_points), 4), np.nan)
-    pose = start.array()
-    for _ in range(ITERATIONS):
-        hessian, scatter, gradient, inliers, residual = _fit(points, map_points, *cells, walls, pose)
+    pose, params = start.array(), _FitParams.of(config)
+    for _ in range(config.iterations):
+        hessian, scatter, gradient, inliers, residual_m = _normal_equations(
+            points, map_points, cells, walls, pose, params
+        )
         step = _step(hessian, scatter, gradient, guess.array() - pose, prior)
         pose += step
         if np.hypot(step[0], step[1]) < SETTLED_M and abs(step[2]) < SETTLED_RAD:
             break
     information = hessian @ np.linalg.solve(scatter, hessian)
-    return IcpResult(Pose2.of(pose), 0.5 * (information + information.T), inliers / len(points), residual)
+    return IcpResult(Pose2.of(pose), 0.5 * (information + information.T), inliers / len(points), residual_m)
 
 
 def _step(hessian: Floats, scatter: Floats, gradient: Floats, to_guess: Floats, prior: Floats) -> Floats:
-    """(3,) to where the cloud's information and the `prior` about the guess, `to_guess` (3,) away, balance."""
+    """(3,) to the pose that the cloud's information and the `prior` about the guess, `to_guess` (3,) away, give."""
     to_guess[2] = wrap(to_guess[2])
-    weighed = hessian @ np.linalg.inv(scatter)
-    pull = prior @ to_guess - weighed @ gradient
-    return np.asarray(np.linalg.solve(weighed @ hessian + prior, pull), np.float64)
+    weighted = hessian @ np.linalg.inv(scatter)
+    pull = prior @ to_guess - weighted @ gradient
+    return np.asarray(np.linalg.solve(weighted @ hessian + prior, pull), np.float64)
 
 
 @njit(cache=True)
-def _fit(
-    points: Floats, map_points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int,
-    columns: int, walls: Floats, pose: Floats,
-) -> tuple[Floats, Floats, Floats, int, float]:  # fmt: skip
-    """Hessian, scatter of the gradients (3, 3), gradient (3,), the inliers and their mean distance, at a pose.
+def _normal_equations(
+    points: Floats, map_points: Floats, cells: CellGrid, walls: Floats, pose: Floats, params: _FitParams
+) -> tuple[Floats, Floats, Floats, int, float]:
+    """Hessian, scatter of the gradients (3, 3), gradient (3,), the inliers and their mean distance (m), at a pose.
 
-    `walls` (p, 4) takes in the walls of the map's points as they are asked for.
+    `walls` (p, 4) caches what `_wall` gives for the map's points, NaN where it was not asked yet.
     """
-    hessian, scatter = np.zeros((3, 3)), 1e-9 * np.eye(3)
-    broad = columns // CLUSTER_CELLS + 1
-    clusters = np.zeros(((rows // CLUSTER_CELLS + 1) * broad, 3))
-    across = np.empty(3)
-    inliers, total = 0, 0.0
+    hessian, scatter = np.zeros((3, 3)), MIN_SCATTER * np.eye(3)
+    cluster_columns = cells.columns // params.cluster_cells + 1
+    clusters = np.zeros(((cells.rows // params.cluster_cells + 1) * cluster_columns, 3))
+    J = np.empty(3)
+    inliers, total_m = 0, 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(len(points)):
         rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         x, y = rx + pose[0], ry + pose[1]
-        k, distance = _nearest(x, y, points[i, 2], map_points, starts, origin, cell_m, rows, columns)
+        k, distance = _nearest(x, y, points[i, 2], params.gate_m, map_points, cells)
         if k < 0:
             continue
         if np.isnan(walls[k, 0]):
-            walls[k] = _wall(k, map_points, starts, origin, cell_m, rows, columns)
+            walls[k] = _wall(k, params.wall_radius_m, map_points, cells)
         nx, ny = walls[k, 0], walls[k, 1]
         error = nx * (x - walls[k, 2]) + ny * (y - walls[k, 3])
-        off = abs(error) if nx != 0.0 or ny != 0.0 else distance
-        if off < INLIER_M:
+        off_m = abs(error) if nx != 0.0 or ny != 0.0 else distance
+        if off_m < params.inlier_m:
             inliers += 1
-            total += off
-        weight = 1.0 / (1.0 + (error / KERNEL_M) ** 2)
-        across[0], across[1], across[2] = nx, ny, ny * rx - nx * ry
-        row = int((map_points[k, 0] - origin[0]) / cell_m) // CLUSTER_CELLS
-        column = int((map_points[k, 1] - origin[1]) / cell_m) // CLUSTER_CELLS
+            total_m += off_m
+        weight = 1.0 / (1.0 + (error / params.kernel_m) ** 2)
+        J[0], J[1], J[2] = nx, ny, ny * rx - nx * ry
+        row = int((map_points[k, 0] - cells.origin[0]) / cells.cell_m) // params.cluster_cells
+        column = int((map_points[k, 1] - cells.origin[1]) / cells.cell_m) // params.cluster_cells
         for a in range(3):
-            clusters[row * broad + column, a] += weight * error * across[a]
+            clusters[row * cluster_columns + column, a] += weight * error * J[a]
             for b in range(3):
-                hessian[a, b] += weight * across[a] * across[b]
-                scatter[a, b] += (weight * NOISE_M) ** 2 * across[a] * across[b]
+                hessian[a, b] += weight * J[a] * J[b]
+                scatter[a, b] += (weight * params.noise_m) ** 2 * J[a] * J[b]
     scatter += clusters.T @ clusters
-    return hessian, scatter, clusters.sum(axis=0), inliers, total / max(inliers, 1)
+    return hessian, scatter, clusters.sum(axis=0), inliers, total_m / max(inliers, 1)
 
 
 @njit(cache=True)
-def _nearest(
-    x: float, y: float, z: float,
-    points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int, columns: int,
-) -> tuple[int, float]:  # fmt: skip
-    """Row and distance of the point nearest to x, y, z within GATE_M; -1 if there is none."""
-    best, best_square = -1, GATE_M * GATE_M
-    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
+def _nearest(x: float, y: float, z: float, gate_m: float, points: Floats, cells: CellGrid) -> tuple[int, float]:
+    """Row and distance (m) of the point nearest to x, y, z within `gate_m`; -1 if there is none."""
+    best, best_square = -1, gate_m * gate_m
+    top, bottom, left, right = block_around(x, y, cells)
     for r in range(top, bottom):
-        for k in range(starts[r * columns + left], starts[r * columns + right]):
+        for k in range(cells.starts[r * cells.columns + left], cells.starts[r * cells.columns + right]):
             square = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 + (points[k, 2] - z) ** 2
             if square < best_square:
                 best, best_square = k, square
@@ -118,20 +131,17 @@ def _nearest(
 
 
 @njit(cache=True)
-def _wall(
-    at: int, points: Floats, starts: NDArray[np.int64], origin: Floats, cell_m: float, rows: int, columns: int
-) -> tuple[float, float, float, float]:
-    """Level unit normal and middle of the wall that the points around one make; 0, 0 for the normal where none is."""
+def _wall(at: int, radius_m: float, points: Floats, cells: CellGrid) -> tuple[float, float, float, float]:
+    """Level unit normal and centroid (m) of the wall that the points around one make; 0, 0 as normal where none is."""
     x, y, z = points[at]
-    count, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
+    sums = NO_POINTS
+    top, bottom, left, right = block_around(x, y, cells)
     for r in range(top, bottom):
-        for k in range(starts[r * columns + left], starts[r * columns + right]):
+        for k in range(cells.starts[r * cells.columns + left], cells.starts[r * cells.columns + right]):
             dx, dy, dz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
-            if dx * dx + dy * dy + dz * dz < WALL_RADIUS_M**2:
-                count, sx, sy = count + 1, sx + dx, sy + dy
-                sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
-    mx, my, nx, ny, _ = line_through(count, sx, sy, sxx, sxy, syy)
-    if count < 4 or np.isnan(nx):
+            if dx * dx + dy * dy + dz * dz < radius_m**2:
+                sums = add_point(sums, dx, dy)
+    mx, my, nx, ny, _ = fit_line(sums)
+    if sums.n < MIN_WALL_POINTS or np.isnan(nx):
         return 0.0, 0.0, x, y
     return nx, ny, x + mx, y + my

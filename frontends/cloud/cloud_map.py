@@ -17,7 +17,8 @@ from kiss_icp.voxelization import voxel_down_sample
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.lidar.lidar_config import CloudConfig
 
-SETTLED = 2e-3  # m and rad of a step: near enough for the fit that follows
+# KISS-ICP's own ratios (kiss_icp.py: voxelize, register_frame): voxels to map and to register, and the widest gate.
+MAP_VOXELS, KEYPOINT_VOXELS, GATE_KERNELS = 0.5, 1.5, 3
 
 
 class CloudMap:
@@ -26,7 +27,7 @@ class CloudMap:
     def __init__(self, config: CloudConfig, max_range_m: float) -> None:
         self._config = config
         self._max_range_m = max_range_m
-        self._begin()
+        self._create()
         self._middle = np.array([0.0, 0.0, 0.5 * (config.low_m + config.high_m)])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -38,48 +39,48 @@ class CloudMap:
         """A map of the same points."""
         points = state.pop("points")
         vars(self).update(state)
-        self._begin()
+        self._create()
         self._map.add_points(points)
 
-    def _begin(self) -> None:
+    def _create(self) -> None:
         kiss = load_config(None)
         kiss.data.max_range = self._max_range_m
         kiss.mapping.voxel_size = self._config.voxel_m
         kiss.registration.max_num_threads = 1
         kiss.registration.max_num_iterations = self._config.iterations
-        kiss.registration.convergence_criterion = SETTLED
+        kiss.registration.convergence_criterion = self._config.settled
         self._map = get_voxel_hash_map(kiss)
         self._registration = get_registration(kiss)
 
     @property
     def empty(self) -> bool:
-        """Whether it holds nothing yet."""
+        """Whether it holds no points."""
         return bool(self._map.empty())
 
     def thinned(self, points: Floats) -> Floats:
-        """(m, 3) of the band's points (n, 3) in base_link, one in each half voxel, heights from the band's middle.
+        """(m, 3) of the band's points (n, 3) m in base_link, one in each half voxel, heights from the band's middle.
 
-        About the middle, what little roll and pitch the registration finds does not shift x and y.
+        With heights about the middle, the little roll and pitch that the registration finds does not shift x and y.
         """
-        return np.asarray(voxel_down_sample(points - self._middle, 0.5 * self._config.voxel_m))
+        return np.asarray(voxel_down_sample(points - self._middle, MAP_VOXELS * self._config.voxel_m))
 
     def keypoints(self, thinned: Floats) -> Floats:
-        """(k, 3) of the thinned points (m, 3), one in each 1.5 voxels: those that are registered."""
-        return np.asarray(voxel_down_sample(thinned, 1.5 * self._config.voxel_m))
+        """(k, 3) of the thinned points (m, 3), one in each 1.5 voxels: those to register."""
+        return np.asarray(voxel_down_sample(thinned, KEYPOINT_VOXELS * self._config.voxel_m))
 
     def align(self, keypoints: Floats, guess: Pose2) -> Pose2:
-        """T_map_base of keypoints (k, 3), from `guess`; the guess itself, silently, where nothing overlaps."""
+        """T_map_base of keypoints (k, 3) m, from `guess`; the guess itself where nothing overlaps."""
         kernel_m = self._config.kernel_m
-        return _planar(
-            self._registration.align_points_to_map(keypoints, self._map, _spatial(guess), 3 * kernel_m, kernel_m)
-        )
+        gate_m = GATE_KERNELS * kernel_m
+        T = self._registration.align_points_to_map(keypoints, self._map, _spatial(guess), gate_m, kernel_m)
+        return Pose2.in_plane(T)
 
     def add(self, thinned: Floats, T_map_base: Pose2) -> None:
-        """Add thinned points (m, 3) at a pose, and forget what has come to lie out of range."""
+        """Add thinned points (m, 3) at a pose, and remove those that are out of range from there."""
         self._map.update(thinned, _spatial(T_map_base))
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all points."""
         self._map.clear()
 
     def points(self) -> Floats:
@@ -91,8 +92,3 @@ def _spatial(T: Pose2) -> Floats:
     """(4, 4) of a pose in the plane."""
     c, s = math.cos(T.theta), math.sin(T.theta)
     return np.array([[c, -s, 0.0, T.x], [s, c, 0.0, T.y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
-def _planar(T: Floats) -> Pose2:
-    """The pose in the plane of a (4, 4) one."""
-    return Pose2(float(T[0, 3]), float(T[1, 3]), math.atan2(T[1, 0], T[0, 0]))

@@ -1,11 +1,10 @@
-"""From a 3D cloud to what a robot on level ground can match: the points of a height band, and a scan cut from them.
+"""From a 3D cloud to what a robot on level ground can match: the points of a height band, and a planar scan of them.
 
-Floor and ceiling are left out: they say nothing of x, y and theta, and the rings that a spinning LiDAR draws on them
-travel with the robot, so that a match of point to point takes them for standing still.
+Floor and ceiling are left out: they constrain neither x nor y nor theta, and the rings that a spinning LiDAR draws on
+them move with the robot, so that point-to-point matching finds a robot that stands still.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -13,50 +12,14 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.lidar.lidar_config import CloudConfig
-from wayfi.frontends.measurements import PointCloud, StaticTransform
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mount:
-    """Where a 3D LiDAR is mounted: `rotation` (3, 3) and `translation` (3,) m take its points to base_link."""
-
-    rotation: Floats
-    translation: Floats
-
-    @property
-    def planar(self) -> Pose2:
-        """Where it stands in the plane, and which way its x axis points."""
-        return Pose2(
-            float(self.translation[0]),
-            float(self.translation[1]),
-            math.atan2(self.rotation[1, 0], self.rotation[0, 0]),
-        )
-
-
-def spatial_mount(transform: StaticTransform) -> Mount:
-    """The mount that a transform from base_link gives; its quaternion need not have the length 1."""
-    x, y, z, w = np.array(transform.rotation_xyzw) / np.linalg.norm(transform.rotation_xyzw)
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return Mount(rotation, np.array(transform.translation_xyz, np.float64))
-
-
-def level_mount(T_base_lidar: Pose2, config: CloudConfig) -> Mount:
-    """An upright mount of unknown height: the middle of the band."""
-    c, s = math.cos(T_base_lidar.theta), math.sin(T_base_lidar.theta)
-    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return Mount(rotation, np.array([T_base_lidar.x, T_base_lidar.y, 0.5 * (config.low_m + config.high_m)]))
+from wayfi.frontends.lidar.mount import Mount
+from wayfi.frontends.measurements import PointCloud
 
 
 def band_points(cloud: PointCloud, mount: Mount, max_range_m: float, config: CloudConfig) -> tuple[Floats, Floats]:
-    """The band's points (n, 3) m in base_link, as of when each was taken, and their seconds (n,) after the stamp.
+    """The band's points (n, 3) m, each in base_link when it was taken, and their times (n,) s after the stamp.
 
-    Heights are base_link's. Rows that are not finite, on the robot itself or beyond `max_range_m` are left out.
+    Heights are above base_link. Rows that are not finite, on the robot itself or beyond `max_range_m` are left out.
     """
     time_s = np.zeros(len(cloud.points), np.float32) if cloud.time_s is None else cloud.time_s
     limits = (config.body_m, max_range_m, config.low_m, config.high_m)
@@ -86,10 +49,10 @@ def _in_band(
     return kept[:count].copy(), times[:count].copy()
 
 
-def undo_motion(points: Floats, time_s: Floats, moments_s: Floats, motion: Floats) -> Floats:
-    """(n, 3) points of base_link as it moved, in base_link at the stamp.
+def deskew(points: Floats, time_s: Floats, moments_s: Floats, motion: Floats) -> Floats:
+    """Points (n, 3) m, each in base_link at its time (n,) s after the stamp, in base_link at the stamp.
 
-    `motion` (m, 3) is T_base(stamp)_base(moment) at `moments_s` (m,) after the stamp, rising; it is interpolated.
+    `motion` (m, 3) is T_base(stamp)_base(moment) at `moments_s` (m,) s after the stamp, ascending; interpolated.
     """
     x, y, theta = (np.interp(time_s, moments_s, motion[:, k]) for k in range(3))
     c, s = np.cos(theta), np.sin(theta)
@@ -98,17 +61,17 @@ def undo_motion(points: Floats, time_s: Floats, moments_s: Floats, motion: Float
     )
 
 
-def cut(points: Floats, sensor: Pose2, config: CloudConfig) -> Floats:
-    """(m, 2) points in the order of their bearings that a planar laser at `sensor` would see of a band's points (n, 3).
+def planar_scan(points: Floats, T_base_sensor: Pose2, bearings: int) -> Floats:
+    """(m, 2) points m, in the order of their bearings, that a planar laser would see of a band's points (n, 3).
 
-    Of each bearing the nearest point is kept, whatever its height, as ROS's pointcloud_to_laserscan does.
+    In each of `bearings` sectors the nearest point is kept, whatever its height, as ROS's pointcloud_to_laserscan does.
     """
-    return points[nearest_by_bearing(points, np.array([sensor.x, sensor.y]), config.bearings), :2]
+    return points[nearest_by_bearing(points, np.array([T_base_sensor.x, T_base_sensor.y]), bearings), :2]
 
 
 @njit(cache=True)
 def nearest_by_bearing(points: Floats, origin: Floats, bearings: int) -> NDArray[np.int64]:
-    """Indices of the point nearest to `origin` (2,) in each of `bearings` equal sectors that has one, turning left."""
+    """Indices of the point nearest to `origin` (2,) in each of `bearings` equal sectors, counter-clockwise from -pi."""
     best, distance = np.full(bearings, -1), np.full(bearings, np.inf)
     for i in range(len(points)):
         dx, dy = points[i, 0] - origin[0], points[i, 1] - origin[1]

@@ -1,25 +1,26 @@
-"""Point clouds on their way to a keyframe: the mount in space, the sweep's motion undone, the scan cut from a cloud."""
+"""Point clouds on their way to a keyframe: mounted in space, deskewed by the odometry, and a planar scan of them."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.frontends.cloud.height_band import Mount, band_points, cut, level_mount, spatial_mount, undo_motion
-from wayfi.frontends.lidar.laser_points import walls_seen
+from wayfi.backend.pose2 import Floats, between_all
+from wayfi.frontends.cloud.height_band import band_points, deskew, planar_scan
+from wayfi.frontends.intake.mounts import Mounts
+from wayfi.frontends.lidar.laser_points import scan_from_points
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import PointCloud, StaticTransform
+from wayfi.frontends.lidar.mount import Mount
+from wayfi.frontends.measurements import PointCloud
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
-MOMENTS = 11  # of a sweep at which the wheels are asked where the base was
+MOMENTS = 11  # at which a sweep's motion is asked of the odometry: every 10 ms of a turn at 10 Hz, as fast as it comes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CutCloud:
-    """A cloud in base_link, m: the `scan` cut from it, all `hits` (m, 2) float32 of that, and the `band` (n, 3)."""
+class PlacedCloud:
+    """A deskewed cloud in base_link, m: its `band` (n, 3), the planar scan's `hits` (m, 2) float32 and its `scan`."""
 
     scan: ScanPoints
     hits: NDArray[np.float32]
@@ -27,56 +28,49 @@ class CutCloud:
 
 
 class CloudIntake:
-    """Knows where 3D LiDARs are mounted."""
+    """Places clouds in base_link."""
 
-    def __init__(self, config: LidarConfig) -> None:
+    def __init__(self, config: LidarConfig, mounts: Mounts) -> None:
         self._config = config
-        self._mounts: dict[str, Mount] = {}
-
-    def add_mount(self, transform: StaticTransform) -> None:
-        """Learn where a sensor is mounted on the base."""
-        if math.hypot(*transform.rotation_xyzw) > 0.0:
-            self._mounts[transform.child_frame_id] = spatial_mount(transform)
+        self._mounts = mounts
 
     def band(self, cloud: PointCloud) -> tuple[Floats, Floats]:
         """(n, 3) points of a cloud's height band in base_link, m, and their times (n,) after its stamp, s."""
         return band_points(cloud, self._mount(cloud.frame_id), self._config.max_range_m, self._config.cloud)
 
-    def cut(self, point: PathPoint, cloud: PointCloud, path: DrivenPath) -> CutCloud | None:
-        """The scan of a cloud whose stamp is at `point`; None if nothing returned from its height band."""
+    def place(self, point: PathPoint, cloud: PointCloud, path: DrivenPath) -> PlacedCloud | None:
+        """A cloud whose stamp is at `point`, deskewed; None if nothing returned from its height band."""
         band, time_s = self.band(cloud)
         if len(band) == 0:
             return None
         moments_s = np.linspace(time_s.min(), time_s.max(), MOMENTS)
         motion = _motion(point, moments_s, path)
         if motion is not None:
-            band = undo_motion(band, time_s, moments_s, motion)
-        sensor = self._mount(cloud.frame_id).planar
-        lidar = self._config
-        hits = cut(band, sensor, lidar.cloud)
-        scan = walls_seen(hits, sensor, lidar.normal_radius_m, lidar.thinning_m)
-        return CutCloud(scan, hits.astype(np.float32), band)
+            band = deskew(band, time_s, moments_s, motion)
+        T_base_sensor = self._mount(cloud.frame_id).planar
+        hits = planar_scan(band, T_base_sensor, self._config.cloud.bearings)
+        return PlacedCloud(scan_from_points(hits, T_base_sensor, self._config), hits.astype(np.float32), band)
 
     def _mount(self, frame_id: str) -> Mount:
-        if self._config.mount:
-            return level_mount(Pose2.of(self._config.mount), self._config.cloud)
-        return self._mounts.get(frame_id) or level_mount(Pose2(), self._config.cloud)
+        """The mount of a frame; one of unknown height is taken to be in the middle of the band."""
+        height_m = 0.5 * (self._config.cloud.low_m + self._config.cloud.high_m)
+        return self._mounts.of(frame_id, height_m)
 
 
-def turn_ns(cloud: PointCloud) -> int:
-    """How long after its stamp the last point of a cloud was taken, ns; 0 where the message does not say."""
+def cloud_duration_ns(cloud: PointCloud) -> int:
+    """How long after its stamp the last point of a cloud was taken, ns; 0 where its points have no times."""
     if cloud.time_s is None or len(cloud.time_s) == 0:
         return 0
     return max(int(float(cloud.time_s.max()) * 1e9), 0)
 
 
-def any_return(cloud: PointCloud) -> bool:
-    """Whether a cloud holds a point at all."""
+def has_return(cloud: PointCloud) -> bool:
+    """Whether a cloud holds a finite point."""
     return bool(np.isfinite(cloud.points).all(axis=1).any())
 
 
 def _motion(point: PathPoint, moments_s: Floats, path: DrivenPath) -> Floats | None:
-    """(m, 3) T_base(point)_base(moment) by the wheels; None where they are not kept, or where no time passes."""
+    """(m, 3) T_base(point)_base(moment) by the odometry; None where it is not kept, or where no time passes."""
     if moments_s[0] == moments_s[-1]:
         return None
     places = [path.at(point.stamp_ns + round(s * 1e9)) for s in moments_s.tolist()]

@@ -1,24 +1,23 @@
-"""Odometry by laser, for a robot without wheel odometry."""
+"""The odometry of a robot without wheels that speak, from whichever laser it has."""
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.cloud.cloud_odometry import CloudLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
-from wayfi.frontends.intake.scan_queue import Sweep
 from wayfi.frontends.lidar.laser_odometry import LaserOdometry
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import PointCloud
+from wayfi.frontends.measurements import PointCloud, Sweep
 
 
 class LaserLead:
-    """Matches the sweeps of one laser, in order, to the pose of the base in `odom`, a frame that drifts."""
+    """Feed it sweeps of one laser in their order; it says where the base has come to, in a frame that drifts."""
 
     def __init__(self, config: LidarConfig, scans: ScanIntake) -> None:
         self._scans = scans
-        self._planar = LaserOdometry(config.max_range_m)
+        self._planar = LaserOdometry(config)
         self._spatial = CloudLead(config)
 
     def register(self, stamp_ns: int, sweep: Sweep) -> Pose2:
-        """T_odom_base at `stamp_ns`, the stamp of the sweep."""
+        """T_odom_base at `stamp_ns`, the sweep's."""
         if isinstance(sweep, PointCloud):
             return self._spatial.register(stamp_ns, *self._scans.clouds.band(sweep))
         return self._planar.register(self._scans.points(sweep))

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason, Event, Warned
-from wayfi.frontends.lidar.laser_points import planar_mount
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import LaserScan, PointCloud, StaticTransform
+from wayfi.frontends.lidar.mount import Mount
+from wayfi.frontends.measurements import StaticTransform, Sweep
 
 BASE_FRAME = "base_link"
 MOST_FRAMES = 100  # whose mounts are remembered, to bound memory; robots carry a few sensors
@@ -17,11 +17,11 @@ SMALLEST_NORM, LARGEST_NORM = 1e-3, 1e3  # of a quaternion, which should be 1: i
 
 
 class Mounts:
-    """The mount of each laser by its frame: its pose in base_link, and whether it hangs upside down."""
+    """The mount of each laser by its frame."""
 
     def __init__(self, config: LidarConfig) -> None:
         self._configured = Pose2.of(config.mount) if config.mount else None
-        self._mounts: dict[str, tuple[Pose2, bool]] = {}
+        self._mounts: dict[str, Mount] = {}
         self._warned: set[str] = set()
 
     def add(self, t: StaticTransform) -> DropReason | None:
@@ -33,20 +33,20 @@ class Mounts:
             return DropReason.ABSURD_MOUNT
         if len(self._mounts) >= MOST_FRAMES and t.child_frame_id not in self._mounts:
             return DropReason.TOO_MANY_FRAMES
-        self._mounts[t.child_frame_id] = planar_mount(t)
+        self._mounts[t.child_frame_id] = Mount.of(t)
         return None
 
-    def of(self, frame_id: str) -> tuple[Pose2, bool]:
-        """The mount of a frame; that of base_link where none is known."""
+    def of(self, frame_id: str, height_m: float = 0.0) -> Mount:
+        """The mount of a frame; upright at base_link where none is known. An unknown height is `height_m`."""
         if self._configured:
-            return self._configured, False
-        return self._mounts.get(frame_id, (Pose2(), False))
+            return Mount.level(self._configured, height_m)
+        return self._mounts.get(frame_id) or Mount.level(Pose2(), height_m)
 
     def knows(self, frame_id: str) -> bool:
         """Whether the mount of a frame is known."""
         return self._configured is not None or frame_id in self._mounts or frame_id == BASE_FRAME
 
-    def warn_of_unknown(self, sweep: LaserScan | PointCloud) -> Iterator[Event]:
+    def warn_of_unknown(self, sweep: Sweep) -> Iterator[Event]:
         """Warn once of a frame whose mount is not known."""
         frame_id = sweep.frame_id
         if self.knows(frame_id) or frame_id in self._warned or len(self._warned) >= MOST_WARNED:

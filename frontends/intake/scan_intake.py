@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event
-from wayfi.frontends.intake.cloud_intake import CloudIntake, any_return
+from wayfi.frontends.intake.cloud_intake import CloudIntake, has_return
 from wayfi.frontends.intake.mounts import BASE_FRAME, Mounts
-from wayfi.frontends.intake.scan_queue import ScanQueue, Sweep, sweep_ns
-from wayfi.frontends.lidar.laser_points import beam_points, returns, to_base, walls_seen
+from wayfi.frontends.intake.scan_queue import ScanQueue, sweep_ns
+from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
 from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, StaticTransforms
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, StaticTransforms, Sweep
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
@@ -39,9 +39,9 @@ class ScanIntake:
     def __init__(self, config: LidarConfig) -> None:
         self._config = config
         self.mounts = Mounts(config)
-        self.clouds = CloudIntake(config)
+        self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
-        self._watch = LaserWatch()
+        self._watch = LaserWatch(config.watch)
         self._laser: Sensor | None = None
         self._shift_ns = 0
 
@@ -53,8 +53,6 @@ class ScanIntake:
                 continue
             if reason := self.mounts.add(t):
                 dropped.append(Dropped(Sensor.TF_STATIC, transforms.stamp_ns, reason))
-            else:
-                self.clouds.add_mount(t)
         return dropped
 
     def add(self, stamp_ns: int, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
@@ -67,7 +65,7 @@ class ScanIntake:
             yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
             return None
         stamp_ns += self._shift_ns
-        used = yield from self._watch.add(stamp_ns, sweep, latest.stamp_ns - stamp_ns if latest else 0)
+        used = yield from self._watch.add_sweep(stamp_ns, sweep, latest.stamp_ns - stamp_ns if latest else 0)
         if used is None:
             return None
         if not self._sees_anything(used):
@@ -82,7 +80,7 @@ class ScanIntake:
         """Drop the sweeps stamped more than `most_ahead_ns` after the newest odometry; watch for silence."""
         for ahead in self.queue.drop_ahead(odometry_ns + most_ahead_ns):
             yield Dropped(sensor_of(ahead), ahead.stamp_ns, DropReason.AHEAD)
-        yield from self._watch.pass_time(odometry_ns)
+        yield from self._watch.check_silence(odometry_ns)
 
     def shift_stamps(self, seconds: float) -> None:
         """Add `seconds` to the stamps of the sweeps from here on."""
@@ -90,25 +88,25 @@ class ScanIntake:
 
     def points(self, scan: LaserScan) -> Floats:
         """(n, 2) points of a scan in base_link, m, as of one instant."""
-        mount, upside_down = self.mounts.of(scan.frame_id)
-        return to_base(beam_points(scan, self._config.max_range_m)[1], mount, upside_down, None)
+        return to_base(beam_points(scan, self._config.max_range_m)[1], self.mounts.of(scan.frame_id), None)
 
     def place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
         """The sweep's points in base_link at `point`; None if no beam returned."""
         if isinstance(sweep, PointCloud):
-            cut = self.clouds.cut(point, sweep, path)
+            cut = self.clouds.place(point, sweep, path)
             return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
         beams, points = beam_points(sweep, self._config.max_range_m)
         if len(points) == 0:
             return None
-        mount, upside_down = self.mounts.of(sweep.frame_id)
-        points = to_base(points, mount, upside_down, _sweep_motion(point, sweep, beams, path))
-        seen = walls_seen(points, mount, self._config.normal_radius_m, self._config.thinning_m)
-        return PlacedScan(point, seen, points.astype(np.float32))
+        mount = self.mounts.of(sweep.frame_id)
+        points = to_base(points, mount, _sweep_motion(point, sweep, beams, path))
+        return PlacedScan(point, scan_from_points(points, mount.planar, self._config), points.astype(np.float32))
 
     def _sees_anything(self, sweep: Sweep) -> bool:
         """Whether a scan holds a return within the maximum range, a cloud one at all."""
-        return any_return(sweep) if isinstance(sweep, PointCloud) else len(returns(sweep, self._config.max_range_m)) > 0
+        if isinstance(sweep, PointCloud):
+            return has_return(sweep)
+        return len(valid_beams(sweep, self._config.max_range_m)) > 0
 
 
 def sensor_of(sweep: Sweep) -> Sensor:

@@ -1,20 +1,22 @@
-"""Where does a scan fit a submap? A search of a whole window of poses on a likelihood field, coarse to fine.
+"""Correlative scan matching: a search of a whole window of poses on a likelihood field, coarse to fine.
 
-Correlative scan matching after Olson (ICRA 2009), with the branch and bound of Hess et al. (Cartographer, ICRA 2016): a
-coarse cell's score is an upper bound of what any pose in it can reach. Bounded by the poses examined, never by time.
+After Olson, "Real-time correlative scan matching" (ICRA 2009), with the branch and bound of Hess et al. (Cartographer,
+ICRA 2016): the score of a coarse cell is an upper bound of the score of any pose in it. The cost is bounded by the
+number of poses examined, never by time.
 """
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from wayfi.backend.options import option
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 
-BRANCH = 4  # fine cells along the side of a coarse one
+BRANCH = 4  # fine cells along a coarse one: decides the time, and by how many cells the window is rounded up
 
 
 @dataclass(frozen=True)
@@ -23,18 +25,18 @@ class CorrelativeConfig:
 
     cell_m: float = option(0.1, "m", "a scan's noise and the spacing of far beams; ICP refines to the centimetre")
     angle_step: float = option(0.015, "rad", "0.15 m at 10 m, which the field's blur covers")
-    blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still speak for it")
+    blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still support it")
     points: int = option(200, "", "more points change the peak's place by less than a cell")
     max_coarse_cells: int = option(600, "", "coarse cells opened before the search ends: bounds its cost")
     peak_apart_m: float = option(0.6, "m", "nearer than this, two poses are one peak")
     peak_apart_rad: float = option(0.2, "rad", "as above")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LikelihoodField:
-    """`fine` (rows, columns) float32 in [0, 1]: how well a point there agrees with the submap; `coarse` bounds it.
+class LikelihoodField(NamedTuple):
+    """`fine` (rows, columns) float32 in [0, 1]: the likelihood of a point in each cell of side `cell_m`.
 
-    `coarse[r, c]` is the greatest value of `fine[r : r + BRANCH, c : c + BRANCH]`, at every fine cell.
+    `coarse[r, c]` is the greatest value of `fine[r : r + BRANCH, c : c + BRANCH]`, for every fine cell. The lower
+    corner of cell (0, 0) is `origin` (2,) m; rows run along x.
     """
 
     fine: NDArray[np.float32]
@@ -43,8 +45,7 @@ class LikelihoodField:
     cell_m: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SearchWindow:
+class SearchWindow(NamedTuple):
     """The poses to examine: within `xy_m` and `theta_rad` of the guess, and within `chi2` of it by `information`.
 
     The information (3, 3) is about (x, y, theta) in the axes of the submap; zeros leave the whole box.
@@ -57,15 +58,15 @@ class SearchWindow:
 
     @classmethod
     def of(
-        cls, covariance: Floats, chi2: float, least: tuple[float, float], most: tuple[float, float]
+        cls, covariance: Floats, chi2: float, smallest: tuple[float, float], largest: tuple[float, float]
     ) -> "SearchWindow":
-        """The ellipse of `chi2` of a (3, 3) covariance, in a box between `least` and `most` (m, rad)."""
+        """The ellipse of `chi2` of a (3, 3) covariance, in a box between `smallest` and `largest` (m, rad)."""
         sigma_m, sigma_rad = math.sqrt(max(covariance[0, 0], covariance[1, 1])), math.sqrt(covariance[2, 2])
         reach = math.sqrt(chi2)
-        widened = covariance + np.diag([least[0] ** 2, least[0] ** 2, least[1] ** 2]) / chi2
+        widened = covariance + diagonal_covariance(*smallest) / chi2
         return cls(
-            min(max(reach * sigma_m, least[0]), most[0]),
-            min(max(reach * sigma_rad, least[1]), most[1]),
+            min(max(reach * sigma_m, smallest[0]), largest[0]),
+            min(max(reach * sigma_rad, smallest[1]), largest[1]),
             np.ascontiguousarray(np.linalg.inv(widened)),
             chi2,
         )
@@ -81,45 +82,51 @@ class Peak:
 
 
 def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
-    """The likelihood field of a submap's `points` (n >= 1, 2) m."""
+    """The likelihood field of a submap's `points` (n >= 1, 2) m: a Gaussian of `blur_m` around each of them."""
     reach = math.ceil(3 * config.blur_m / config.cell_m)
     low = points.min(axis=0) - (reach + 1) * config.cell_m
     rows, columns = (int(n) + reach + 2 for n in (points.max(axis=0) - low) / config.cell_m)
-    fine = _splat(points, low, config.cell_m, rows, columns, reach, config.blur_m)
-    return LikelihoodField(fine, _pool(fine), low, config.cell_m)
+    fine = _blur(points, low, config.cell_m, rows, columns, reach, config.blur_m)
+    return LikelihoodField(fine, max_pooled(fine), low, config.cell_m)
 
 
 def search(
     points: Floats, field: LikelihoodField, guess: Pose2, window: SearchWindow, config: CorrelativeConfig
 ) -> Peak:
-    """The T_submap_scan in the `window` around `guess` that `points` (n, 2) fit best."""
-    subset = points[:: max(1, len(points) // config.points)]
+    """The T_submap_scan in the `window` around `guess` that `points` (n, 2) m fit best."""
+    subset = np.ascontiguousarray(points[:: max(1, len(points) // config.points)])
     half_angles = math.ceil(window.theta_rad / config.angle_step)
     angles = guess.theta + config.angle_step * np.arange(-half_angles, half_angles + 1, dtype=np.float64)
     half_cells = math.ceil(window.xy_m / config.cell_m)
-    x, y, theta, score, second = _search(
-        np.ascontiguousarray(subset),
-        field.fine,
-        field.coarse,
-        field.origin,
-        field.cell_m,
-        guess.x,
-        guess.y,
-        angles,
-        half_cells,
-        window.information,
-        window.chi2,
-        config.max_coarse_cells,
-        config.peak_apart_m,
-        config.peak_apart_rad,
-    )
-    return Peak(Pose2.of((x, y, theta)), score, second)
+    corners = np.arange(-half_cells, half_cells + 1, BRANCH)
+    row, column, angle, score, second = _search(
+        subset, field, guess.x, guess.y, angles, corners, window,
+        config.max_coarse_cells, config.peak_apart_m, config.peak_apart_rad,
+    )  # fmt: skip
+    pose = Pose2.of((guess.x + row * field.cell_m, guess.y + column * field.cell_m, angles[angle]))
+    return Peak(pose, score, second)
 
 
 @njit(cache=True)
-def _splat(
+def _search(
+    points: Floats, field: LikelihoodField, x: float, y: float, angles: Floats, corners: NDArray[np.int64],
+    window: SearchWindow, max_coarse_cells: int, apart_m: float, apart_rad: float,
+) -> tuple[int, int, int, float, float]:  # fmt: skip
+    """What `_best_poses` gives, of the coarse cells from `corners` on at each of the angles (rad), best bounds first.
+
+    Rows and columns count from the guess x, y (m); the window's ellipse is around it and the middle angle.
+    """
+    cells = _cells_at(points, field, x, y, angles)
+    bounds = _upper_bounds(cells, field, angles, corners, window)
+    order = np.argsort(-bounds.ravel(), kind="mergesort")[:max_coarse_cells]
+    return _best_poses(cells, field, angles, corners, window, bounds, order, apart_m, apart_rad)
+
+
+@njit(cache=True)
+def _blur(
     points: Floats, origin: Floats, cell_m: float, rows: int, columns: int, reach: int, blur_m: float
 ) -> NDArray[np.float32]:
+    """(rows, columns) the Gaussian of the nearest point, up to `reach` cells from it; 1 in the cells of the points."""
     side = 2 * reach + 1
     kernel = np.empty((side, side), np.float32)
     for r in range(side):
@@ -138,45 +145,49 @@ def _splat(
 
 
 @njit(cache=True)
-def _pool(fine: NDArray[np.float32]) -> NDArray[np.float32]:
+def max_pooled(fine: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(rows, columns) the greatest value of the BRANCH x BRANCH cells from each cell on, by rows, then by columns."""
     rows, columns = fine.shape
     along = np.zeros_like(fine)
     for r in range(rows):
         for c in range(columns):
-            best = np.float32(0)
             for k in range(c, min(c + BRANCH, columns)):
-                best = max(best, fine[r, k])
-            along[r, c] = best
+                along[r, c] = max(along[r, c], fine[r, k])
     pooled = np.zeros_like(fine)
     for r in range(rows):
         for c in range(columns):
-            best = np.float32(0)
             for k in range(r, min(r + BRANCH, rows)):
-                best = max(best, along[k, c])
-            pooled[r, c] = best
+                pooled[r, c] = max(pooled[r, c], along[k, c])
     return pooled
 
 
 @njit(cache=True)
-def _score(cells: NDArray[np.int64], field: NDArray[np.float32], dr: int, dc: int) -> float:
-    rows, columns = field.shape
-    total = 0.0
-    for i in range(cells.shape[0]):
-        r, c = cells[i, 0] + dr, cells[i, 1] + dc
-        if 0 <= r < rows and 0 <= c < columns:
-            total += field[r, c]
-    mean: float = total / cells.shape[0]
-    return mean
+def _cells_at(points: Floats, field: LikelihoodField, x: float, y: float, angles: Floats) -> NDArray[np.int64]:
+    """(angles, n, 2) row and column of each point where the scan's pose is x, y (m) and each of the angles."""
+    cells = np.empty((angles.shape[0], points.shape[0], 2), np.int64)
+    for a in range(angles.shape[0]):
+        c, s = np.cos(angles[a]), np.sin(angles[a])
+        for i in range(points.shape[0]):
+            placed_x = c * points[i, 0] - s * points[i, 1] + x
+            placed_y = s * points[i, 0] + c * points[i, 1] + y
+            cells[a, i, 0] = int(np.floor((placed_x - field.origin[0]) / field.cell_m))
+            cells[a, i, 1] = int(np.floor((placed_y - field.origin[1]) / field.cell_m))
+    return cells
 
 
 @njit(cache=True)
-def _bound(cells: NDArray[np.int64], coarse: NDArray[np.float32], dr: int, dc: int) -> float:
-    rows, columns = coarse.shape
+def mean_value(cells: NDArray[np.int64], values: NDArray[np.float32], dr: int, dc: int, overhang: int) -> float:
+    """The mean of `values` (rows, columns) at `cells` (n, 2) moved by `dr`, `dc`; beyond the edges they count as 0.
+
+    Up to `overhang` cells before the first row or column the first one's value holds: with 0 this is the score of a
+    pose in the fine field, with BRANCH - 1 the bound of a coarse cell's scores in the coarse field.
+    """
+    rows, columns = values.shape
     total = 0.0
     for i in range(cells.shape[0]):
         r, c = cells[i, 0] + dr, cells[i, 1] + dc
-        if -BRANCH < r < rows and -BRANCH < c < columns:
-            total += coarse[max(r, 0), max(c, 0)]
+        if -overhang <= r < rows and -overhang <= c < columns:
+            total += values[max(r, 0), max(c, 0)]
     mean: float = total / cells.shape[0]
     return mean
 
@@ -190,68 +201,57 @@ def _chi2(dx: float, dy: float, dtheta: float, information: Floats) -> float:
 
 
 @njit(cache=True)
-def _reaches(row: int, column: int, cell_m: float, dtheta: float, information: Floats, chi2: float) -> bool:
-    """Whether any pose in the coarse cell at `row`, `column` lies within `chi2`."""
+def _meets_window(row: int, column: int, cell_m: float, dtheta: float, window: SearchWindow) -> bool:
+    """Whether any pose in the coarse cell from `row`, `column` on lies within the window's chi2."""
     for dr in range(row, row + BRANCH):
         for dc in range(column, column + BRANCH):
-            if _chi2(dr * cell_m, dc * cell_m, dtheta, information) <= chi2:
+            if _chi2(dr * cell_m, dc * cell_m, dtheta, window.information) <= window.chi2:
                 return True
     return False
 
 
 @njit(cache=True)
-def _search(
-    points: Floats,
-    fine: NDArray[np.float32],
-    coarse: NDArray[np.float32],
-    origin: Floats,
-    cell_m: float,
-    x0: float,
-    y0: float,
-    angles: Floats,
-    half_cells: int,
-    information: Floats,
-    chi2: float,
-    max_coarse_cells: int,
-    apart_m: float,
-    apart_rad: float,
-) -> tuple[float, float, float, float, float]:
-    n, n_angles = points.shape[0], angles.shape[0]
-    cells = np.empty((n_angles, n, 2), np.int64)
-    for a in range(n_angles):
-        c, s = np.cos(angles[a]), np.sin(angles[a])
-        for i in range(n):
-            cells[a, i, 0] = int(np.floor((c * points[i, 0] - s * points[i, 1] + x0 - origin[0]) / cell_m))
-            cells[a, i, 1] = int(np.floor((s * points[i, 0] + c * points[i, 1] + y0 - origin[1]) / cell_m))
-    offsets = np.arange(-half_cells, half_cells + 1, BRANCH)
-    side = offsets.shape[0]
-    bounds = np.zeros(n_angles * side * side)
-    middle = angles[n_angles // 2]
-    for a in range(n_angles):
+def _upper_bounds(
+    cells: NDArray[np.int64], field: LikelihoodField, angles: Floats, corners: NDArray[np.int64], window: SearchWindow
+) -> Floats:
+    """(angles, side, side) bound of the scores in each coarse cell, from `corners` (side,) on; 0 out of the window."""
+    side, middle = corners.shape[0], angles[angles.shape[0] // 2]
+    bounds = np.zeros((angles.shape[0], side, side))
+    for a in range(angles.shape[0]):
         for i in range(side):
             for j in range(side):
-                if _reaches(offsets[i], offsets[j], cell_m, angles[a] - middle, information, chi2):
-                    bounds[(a * side + i) * side + j] = _bound(cells[a], coarse, offsets[i], offsets[j])
-    order = np.argsort(-bounds, kind="mergesort")
-    best = (n_angles // 2, 0, 0)
+                if _meets_window(corners[i], corners[j], field.cell_m, angles[a] - middle, window):
+                    bounds[a, i, j] = mean_value(cells[a], field.coarse, corners[i], corners[j], BRANCH - 1)
+    return bounds
+
+
+@njit(cache=True)
+def _best_poses(
+    cells: NDArray[np.int64], field: LikelihoodField, angles: Floats, corners: NDArray[np.int64],
+    window: SearchWindow, bounds: Floats, order: NDArray[np.int64], apart_m: float, apart_rad: float,
+) -> tuple[int, int, int, float, float]:  # fmt: skip
+    """Row, column and angle of the best pose, its score, and the score of the best one that is apart from it.
+
+    Opens the coarse cells in `order`, until no bound is above the second score.
+    """
+    side, middle = corners.shape[0], angles[angles.shape[0] // 2]
+    best = (0, 0, angles.shape[0] // 2)
     best_score, second = 0.0, 0.0
-    for k in range(min(max_coarse_cells, order.shape[0])):
-        if bounds[order[k]] <= second:
+    for k in order:
+        a, i, j = k // (side * side), k // side % side, k % side
+        if bounds[a, i, j] <= second:
             break
-        a, rest = order[k] // (side * side), order[k] % (side * side)
-        for dr in range(offsets[rest // side], offsets[rest // side] + BRANCH):
-            for dc in range(offsets[rest % side], offsets[rest % side] + BRANCH):
-                if _chi2(dr * cell_m, dc * cell_m, angles[a] - middle, information) > chi2:
+        for dr in range(corners[i], corners[i] + BRANCH):
+            for dc in range(corners[j], corners[j] + BRANCH):
+                if _chi2(dr * field.cell_m, dc * field.cell_m, angles[a] - middle, window.information) > window.chi2:
                     continue
-                score = _score(cells[a], fine, dr, dc)
-                near = (
-                    np.hypot(dr - best[1], dc - best[2]) * cell_m < apart_m
-                    and abs(angles[a] - angles[best[0]]) < apart_rad
-                )
+                score = mean_value(cells[a], field.fine, dr, dc, 0)
+                off_m = np.hypot(dr - best[0], dc - best[1]) * field.cell_m
+                near = off_m < apart_m and abs(angles[a] - angles[best[2]]) < apart_rad
                 if score > best_score:
                     if not near:
                         second = max(second, best_score)
-                    best, best_score = (a, dr, dc), score
+                    best, best_score = (dr, dc, a), score
                 elif not near:
                     second = max(second, score)
-    return x0 + best[1] * cell_m, y0 + best[2] * cell_m, angles[best[0]], best_score, second
+    return best[0], best[1], best[2], best_score, second

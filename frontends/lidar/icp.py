@@ -1,20 +1,24 @@
 """Point-to-line ICP in the plane, with the motion model as a prior and a covariance from its Hessian.
 
-Point-to-line after Censi, "An ICP variant using a point-to-line metric" (ICRA 2008), with an annealed Cauchy kernel. A
-direction that the walls do not constrain is left to the prior, and the covariance says so.
+Point-to-line after Censi, "An ICP variant using a point-to-line metric" (ICRA 2008), with a Cauchy kernel that narrows
+with the gate. Along a direction that the walls do not constrain, the pose stays where the prior puts it, and the
+information of the result is zero.
 """
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.lidar.point_index import PointIndex, nearest
 from wayfi.frontends.scan_points import ScanPoints
+
+SETTLED_M, SETTLED_RAD = 1e-4, 1e-5  # a hundredth of the least sigma of a point, here and at 10 m: steps end below it
+DAMPING = 1e-6  # 1/m^2, 1/rad^2: keeps the equations solvable where neither walls nor a prior hold a direction
 
 
 @dataclass(frozen=True)
@@ -24,18 +28,22 @@ class IcpConfig:
     iterations: int = option(20, "", "the first guess is within 0.3 m; it settles in 6 to 12")
     gate_start_m: float = option(0.8, "m", "how far the first guess may be off")
     gate_end_m: float = option(0.2, "m", "wider takes in furniture that is not in the submap")
+    gate_factor: float = option(0.7, "", "of the gate, each iteration: it is at its end after four")
+    kernel_share: float = option(
+        0.5, "", "of the gate is the scale of the Cauchy kernel: at the gate the weight is 0.2"
+    )
     inlier_m: float = option(0.12, "m", "three times a laser's noise plus the spacing of the points")
     sigma_m: float = option(0.03, "m", "noise of a range and of the wall that it is compared with, at the first guess")
-    least_sigma_m: float = option(0.01, "m", "the residuals tell the noise; a good laser's is no less")
+    least_sigma_m: float = option(0.01, "m", "the noise is estimated from the residuals; a good laser's is no less")
     max_turned_rad: float = option(0.8, "rad", "between a point's normal and its wall's; beyond, it is another face")
     correlated_points: float = option(8.0, "", "neighbouring beams err together: so many count as one")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IcpResult:
-    """`T_target_scan`, its (3, 3) `information` (x, y, theta of the target's axes; singular where nothing is seen).
+    """`T_target_scan`, its (3, 3) `information` (x, y, theta in the target's axes; singular along open directions).
 
-    `inlier_ratio` is points within `inlier_m` of a line, over all points; `residual_m` their mean distance.
+    `inlier_ratio` is the share of points within `inlier_m` of a line, `residual_m` the mean distance of these.
     """
 
     T_target_scan: Pose2
@@ -44,109 +52,115 @@ class IcpResult:
     residual_m: float
 
 
+class _IcpParams(NamedTuple):
+    """IcpConfig as compiled code takes it; `min_cos` is the cosine of `max_turned_rad`."""
+
+    iterations: int
+    gate_start_m: float
+    gate_end_m: float
+    gate_factor: float
+    kernel_share: float
+    inlier_m: float
+    sigma_m: float
+    least_sigma_m: float
+    correlated_points: float
+    min_cos: float
+
+    @classmethod
+    def of(cls, config: IcpConfig) -> "_IcpParams":
+        return cls(
+            config.iterations, config.gate_start_m, config.gate_end_m, config.gate_factor, config.kernel_share,
+            config.inlier_m, config.sigma_m, config.least_sigma_m, config.correlated_points,
+            math.cos(config.max_turned_rad),
+        )  # fmt: skip
+
+
 def icp(scan: ScanPoints, target: PointIndex, guess: Pose2, prior: Floats, config: IcpConfig) -> IcpResult:
-    """Align `scan` to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about it."""
+    """Align `scan` to `target` from `guess` (T_target_scan), with `prior` information (3, 3) about the guess."""
     points = np.ascontiguousarray(scan.points)
-    index = (
-        target.points, target.normals, target.starts, target.origin, target.cell_m, target.rows, target.columns,
-    )  # fmt: skip
-    pose, information = _align(
-        points, scan.normals, *index, guess.array(), prior, config.iterations, config.gate_start_m, config.gate_end_m,
-        config.sigma_m, config.least_sigma_m, config.correlated_points,
-        math.cos(config.max_turned_rad),
-    )  # fmt: skip
-    inliers, residual = _inliers(points, *index, pose, config.inlier_m)
-    return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual)
+    pose, information, inliers, residual_m = _align(
+        points, scan.normals, target, guess.array(), prior, _IcpParams.of(config)
+    )
+    return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual_m)
 
 
 @njit(cache=True)
 def _align(
-    points: Floats,
-    facing: Floats,
-    target: Floats,
-    normals: Floats,
-    starts: NDArray[np.int64],
-    origin: Floats,
-    cell_m: float,
-    rows: int,
-    columns: int,
-    guess: Floats,
-    prior: Floats,
-    iterations: int,
-    gate_start_m: float,
-    gate_end_m: float,
-    sigma_m: float,
-    least_sigma_m: float,
-    correlated: float,
-    least_cos: float,
-) -> tuple[Floats, Floats]:
+    points: Floats, normals: Floats, target: PointIndex, guess: Floats, prior: Floats, params: _IcpParams
+) -> tuple[Floats, Floats, int, float]:
+    """T_target_scan (3,) by Gauss-Newton steps with a gate that narrows, and the points' information (3, 3) there.
+
+    Also the number of inliers and their mean distance (m).
+    """
     pose = guess.copy()
-    variance = sigma_m * sigma_m
+    variance = params.sigma_m * params.sigma_m
     information = np.zeros((3, 3))
-    for iteration in range(iterations):
-        gate = max(gate_end_m, gate_start_m * 0.7**iteration)
-        information[:] = 0.0
-        gradient = np.zeros(3)
-        weights, squares = 0.0, 0.0
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        for i in range(points.shape[0]):
-            rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
-            x, y = rx + pose[0], ry + pose[1]
-            k = nearest(x, y, min(gate, cell_m), target, starts, origin, cell_m, rows, columns)
-            if k < 0 or np.isnan(normals[k, 0]):
-                continue
-            nx, ny = normals[k, 0], normals[k, 1]
-            fx, fy = c * facing[i, 0] - s * facing[i, 1], s * facing[i, 0] + c * facing[i, 1]
-            if fx * nx + fy * ny < least_cos:
-                continue
-            error = nx * (x - target[k, 0]) + ny * (y - target[k, 1])
-            scale = max(0.5 * gate, sigma_m)
-            weight = 1.0 / (1.0 + (error / scale) ** 2)
-            weights += weight
-            squares += weight * error * error
-            jt = nx * -ry + ny * rx
-            J = (nx, ny, jt)
-            for a in range(3):
-                gradient[a] += weight * J[a] * error
-                for b in range(3):
-                    information[a, b] += weight * J[a] * J[b]
-        if gate <= gate_end_m and weights > 0:
-            variance = max(least_sigma_m * least_sigma_m, squares / weights)
-        information /= variance * correlated
-        gradient /= variance * correlated
-        step = np.linalg.solve(information + prior + 1e-6 * np.eye(3), -gradient - prior @ (pose - guess))
+    for iteration in range(params.iterations):
+        gate_m = max(params.gate_end_m, params.gate_start_m * params.gate_factor**iteration)
+        narrow = gate_m <= params.gate_end_m
+        information, gradient, weights, squares = _normal_equations(points, normals, target, pose, gate_m, params)
+        if narrow and weights > 0:
+            variance = max(params.least_sigma_m * params.least_sigma_m, squares / weights)
+        information /= variance * params.correlated_points
+        gradient /= variance * params.correlated_points
+        damped = information + prior + DAMPING * np.eye(3)
+        step = np.linalg.solve(damped, -gradient - prior @ (pose - guess))
         pose += step
-        if gate <= gate_end_m and abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-5:
+        if narrow and abs(step[0]) + abs(step[1]) < SETTLED_M and abs(step[2]) < SETTLED_RAD:
             break
-    return pose, information
+    inliers, residual_m = _inliers(points, target, pose, params.inlier_m)
+    return pose, information, inliers, residual_m
 
 
 @njit(cache=True)
-def _inliers(
-    points: Floats,
-    target: Floats,
-    normals: Floats,
-    starts: NDArray[np.int64],
-    origin: Floats,
-    cell_m: float,
-    rows: int,
-    columns: int,
-    pose: Floats,
-    inlier_m: float,
-) -> tuple[int, float]:
-    """How many points lie within `inlier_m` of a line, and their mean distance."""
-    inliers, total = 0, 0.0
+def _normal_equations(
+    points: Floats, normals: Floats, target: PointIndex, pose: Floats, gate_m: float, params: _IcpParams
+) -> tuple[Floats, Floats, float, float]:
+    """Sums over the correspondences: w J J' (3, 3), w J e (3,), w and w e^2 of their weights w and residuals e (m)."""
+    hessian, gradient = np.zeros((3, 3)), np.zeros(3)
+    weights, squares = 0.0, 0.0
+    walls, wall_normals, cells = target.points, target.normals, target.cells
+    scale_m = max(params.kernel_share * gate_m, params.sigma_m)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    for i in range(points.shape[0]):
+        rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
+        x, y = rx + pose[0], ry + pose[1]
+        k = nearest(x, y, min(gate_m, cells.cell_m), walls, cells)
+        if k < 0 or np.isnan(wall_normals[k, 0]):
+            continue
+        nx, ny = wall_normals[k, 0], wall_normals[k, 1]
+        turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
+        if turned_x * nx + turned_y * ny < params.min_cos:
+            continue
+        error = nx * (x - walls[k, 0]) + ny * (y - walls[k, 1])
+        weight = 1.0 / (1.0 + (error / scale_m) ** 2)
+        weights += weight
+        squares += weight * error * error
+        J = (nx, ny, nx * -ry + ny * rx)
+        for a in range(3):
+            gradient[a] += weight * J[a] * error
+            for b in range(3):
+                hessian[a, b] += weight * J[a] * J[b]
+    return hessian, gradient, weights, squares
+
+
+@njit(cache=True)
+def _inliers(points: Floats, target: PointIndex, pose: Floats, inlier_m: float) -> tuple[int, float]:
+    """How many points lie within `inlier_m` of a line of the target, or of a point without one; their mean distance."""
+    inliers, total_m = 0, 0.0
+    gate_m = min(2 * inlier_m, target.cells.cell_m)  # the nearest point lies further off than its line
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
         x = c * points[i, 0] - s * points[i, 1] + pose[0]
         y = s * points[i, 0] + c * points[i, 1] + pose[1]
-        k = nearest(x, y, min(2 * inlier_m, cell_m), target, starts, origin, cell_m, rows, columns)
+        k = nearest(x, y, gate_m, target.points, target.cells)
         if k < 0:
             continue
-        error = np.hypot(x - target[k, 0], y - target[k, 1])
-        if not np.isnan(normals[k, 0]):
-            error = abs(normals[k, 0] * (x - target[k, 0]) + normals[k, 1] * (y - target[k, 1]))
-        if error < inlier_m:
+        dx, dy = x - target.points[k, 0], y - target.points[k, 1]
+        error_m = np.hypot(dx, dy)
+        if not np.isnan(target.normals[k, 0]):
+            error_m = abs(target.normals[k, 0] * dx + target.normals[k, 1] * dy)
+        if error_m < inlier_m:
             inliers += 1
-            total += error
-    return inliers, total / max(inliers, 1)
+            total_m += error_m
+    return inliers, total_m / max(inliers, 1)

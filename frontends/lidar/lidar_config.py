@@ -1,4 +1,4 @@
-"""The settings of the laser: scans, the local submap, scan matching, and the height band of a 3D LiDAR."""
+"""The settings of the laser: scans, the local submap, scan matching, the laser's faults, and 3D LiDARs."""
 
 from dataclasses import dataclass, field
 
@@ -8,13 +8,78 @@ from wayfi.frontends.lidar.icp import IcpConfig
 
 
 @dataclass(frozen=True)
-class TrustConfig:
-    """How the wheels' noise follows what scan matching finds wrong with them."""
+class LineConfig:
+    """Which neighbouring beams make a line, whose normal a point gets."""
 
-    initial: float = option(4.0, "1", "twice the configured sigmas: trust in wheels is earned")
+    neighbours: int = option(5, "beams", "to each side: at 0.4 degrees a beam they reach normal_radius_m at 6 m")
+    corner_m: float = option(0.03, "m", "sigma across a line: thicker than a range's noise, it may be two walls")
+    shadow_m: float = option(0.1, "m", "a longer gap to the next beam may lead behind an edge")
+    shadow_rad: float = option(0.1, "rad", "such a gap does, if it is this nearly parallel to the ray")
+
+
+@dataclass(frozen=True)
+class WheelTrustConfig:
+    """How the wheels' covariance is scaled by what scan matching finds wrong with them."""
+
+    initial: float = option(4.0, "1", "twice the configured sigmas, until scan matching has confirmed the wheels")
     memory: float = option(0.9, "", "of the last value: it follows in about ten keyframes")
     most: float = option(200.0, "1", "one slip is not to switch the wheels off")
     search_above: float = option(1.3, "1", "wheels worse than configured: search the window at every keyframe")
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """The window that is searched where scan matching from the wheels' guess fits badly."""
+
+    chi2: float = option(9.0, "1", "97 % of the wheels' errors at 3 degrees of freedom, if their covariance is right")
+    min_window_m: float = option(0.3, "m", "to each side: wheels that slip err by more than their covariance")
+    min_window_rad: float = option(0.3, "rad", "as above")
+    max_window_m: float = option(1.0, "m", "to each side: twice the keyframes' distance; bounds the cost")
+    max_window_rad: float = option(1.0, "rad", "as above")
+    min_gain: float = option(0.05, "1", "of inlier ratio over the match from the guess: 10 of 200 points, not chance")
+
+
+@dataclass(frozen=True)
+class LaserClockConfig:
+    """When the laser's stamps are found to be from another clock than the odometry's."""
+
+    max_offset_s: float = option(3.0, "s", "either way: scans more than 2 s ahead of the odometry are not used at all")
+    step_s: float = option(0.1, "s", "between offsets that are compared; a parabola through three refines the best")
+    min_turn_rad: float = option(0.1, "rad", "between keyframes: a smaller turn is as much noise as turn")
+    max_error_rad: float = option(0.3, "rad", "a failed scan match counts no more than this")
+    min_turns: int = option(6, "turns", "fewer may agree on an offset by chance")
+    max_turns: int = option(40, "turns", "the last ones: older turns may be from before the clock was set")
+    min_gain: float = option(6.0, "1", "factor on the mean squared error; sound recordings were seen to have 2.7")
+    good_error_rad: float = option(0.05, "rad", "root mean square without an offset: below it none is looked for")
+
+
+@dataclass(frozen=True)
+class LaserWatchConfig:
+    """Which scans are faulty, and how many faulty ones make a complaint."""
+
+    cover_m: float = option(0.15, "m", "nearer is something on the sensor")
+    blocked_share: float = option(0.8, "", "of all beams; a fifth was seen to end at a robot's own parts")
+    min_return_share: float = option(0.2, "", "of all beams; sound lasers in bare corridors were seen to have 0.38")
+    late_s: float = option(1.5, "s", "behind the odometry of the same stamp; sound drivers take a tenth of it")
+    silent_s: float = option(30.0, "s", "without a scan; sound recordings have scans 14 s apart")
+    window: int = option(20, "scans", "that a complaint rests on: 2 s at 10 Hz")
+    faulty: int = option(16, "scans", "of the window: some drivers cut a sweep into scans, most of them empty")
+    limit_share: float = option(0.998, "", "of range_max: drivers report a little less where nothing returns")
+    no_return_share: float = option(0.05, "", "of all beams at the largest range; walls were seen to give 0.022")
+    no_return_scans: int = option(5, "scans", "with the same largest range, until it is reported: not one wall's")
+
+
+@dataclass(frozen=True)
+class CloudFitConfig:
+    """The point-to-line fit of a cloud that follows KISS-ICP."""
+
+    gate_m: float = option(0.5, "m", "KISS-ICP's voxel; also the side of the cells that find nearest points")
+    wall_radius_m: float = option(0.35, "m", "neighbours that make a wall: three times the 0.11 m between map points")
+    kernel_m: float = option(0.1, "m", "Cauchy's scale: what is further from its wall is mostly something else")
+    inlier_m: float = option(0.15, "m", "a range's noise, and where there is no wall the spacing of the map's points")
+    noise_m: float = option(0.01, "m", "of a range: residuals that happen to be smaller are luck")
+    cluster_cells: int = option(2, "cells", "side of a square, 1 m of wall, whose points are taken to err together")
+    iterations: int = option(6, "", "from KISS-ICP's result it settles in 2 to 5")
 
 
 @dataclass(frozen=True)
@@ -28,15 +93,21 @@ class CloudConfig:
     voxel_m: float = option(0.5, "m", "KISS-ICP's: a third of the time of 0.25 at the same drift")
     kernel_m: float = option(0.3, "m", "what wheels leave open between keyframes; the gate is three times it")
     iterations: int = option(30, "", "of KISS-ICP; it settles to 2 mm in 5 to 15")
+    settled: float = option(0.002, "m and rad", "a step of KISS-ICP: near enough for the fit that follows")
     acceleration_m_s2: float = option(1.0, "m/s^2", "without wheels: what a robot indoors brakes with")
     acceleration_rad_s2: float = option(3.0, "rad/s^2", "without wheels: as it starts to turn")
+    shortest_step_s: float = option(
+        0.15, "s", "without wheels: of 10 clouds a second every other is registered; half the work, and as good a map"
+    )
+    longest_gap_s: float = option(1.0, "s", "without wheels: so long a motion is taken to go on as it was")
     sigma_floor_m: float = option(0.002, "m", "errors of mount and time that all points of a cloud share")
     sigma_floor_rad: float = option(0.0005, "rad", "as above; what the cloud's own points leave is added to it")
+    fit: CloudFitConfig = field(default_factory=CloudFitConfig)
 
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """Scans, the local submap, and when scan matching is believed."""
+    """Scans, the local submap, and when a scan match becomes a factor."""
 
     enabled: bool = option(True, "", "false runs on wheels and WiFi alone")
     max_range_m: float = option(25.0, "m", "beyond it beams are too far apart to find walls again")
@@ -51,8 +122,15 @@ class LidarConfig:
     sigma_floor_m: float = option(0.004, "m", "errors of range, mount and time that all points of a scan share")
     sigma_floor_rad: float = option(0.0015, "rad", "as above")
     silent_m: float = option(2.0, "m", "path without a scan after which keyframes are made without one")
+    lead_voxel_m: float = option(
+        0.5, "m", "KISS-ICP's, without wheels: 2 to 3 cm over 135 m in a hall; 1.0 drifts, 0.25 is slower and no better"
+    )
     mount: list[float] = option([], "x m, y m, theta rad", "T_base_link_laser; empty: /tf_static gives it")
-    trust: TrustConfig = field(default_factory=TrustConfig)
+    lines: LineConfig = field(default_factory=LineConfig)
+    trust: WheelTrustConfig = field(default_factory=WheelTrustConfig)
     icp: IcpConfig = field(default_factory=IcpConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
     correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
+    clock: LaserClockConfig = field(default_factory=LaserClockConfig)
+    watch: LaserWatchConfig = field(default_factory=LaserWatchConfig)
     cloud: CloudConfig = field(default_factory=CloudConfig)

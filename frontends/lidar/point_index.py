@@ -1,6 +1,6 @@
 """Points with normals in a grid of cells, for finding the nearest one in constant time."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -8,20 +8,15 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
 
-MAX_CELLS = 1_000_000
-
-Cells = tuple[NDArray[np.int64], Floats, float, int, int]  # starts, origin, cell_m, rows, columns of a PointIndex
+MAX_CELLS = 1_000_000  # bounds the memory of `starts` to 8 MB, however far a false point lies: 500 x 500 m at 0.5 m
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PointIndex:
-    """`points` (n, 2) and `normals` (n, 2; NaN where none is known), sorted by cell; m.
+class CellGrid(NamedTuple):
+    """Points sorted by the cell of their x and y: cell (i, j) holds rows `starts[i * columns + j]` up to the next.
 
-    Cell (i, j), of side `cell_m`, holds rows `starts[i * columns + j]` up to the next start.
+    The cells have side `cell_m`; the lower corner of cell (0, 0) is `origin` (2,) m.
     """
 
-    points: Floats
-    normals: Floats
     starts: NDArray[np.int64]
     origin: Floats
     cell_m: float
@@ -29,17 +24,25 @@ class PointIndex:
     columns: int
 
 
+class PointIndex(NamedTuple):
+    """`points` (n, 2) m and `normals` (n, 2; NaN where unknown), sorted by cell."""
+
+    points: Floats
+    normals: Floats
+    cells: CellGrid
+
+
 def build_index(points: Floats, normals: Floats, cell_m: float) -> PointIndex:
-    """The index of `points` (n >= 1, 2) with `normals` (n, 2); points beyond MAX_CELLS cells make the cells larger."""
+    """The index of `points` (n >= 1, 2) with `normals` (n, 2); see `sort_by_cell` for the cells."""
     order, cells = sort_by_cell(points, cell_m)
-    return PointIndex(points[order], normals[order], *cells)
+    return PointIndex(points[order], normals[order], cells)
 
 
 @njit(cache=True)
-def sort_by_cell(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], Cells]:
+def sort_by_cell(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], CellGrid]:
     """The order (n,) of `points` (n >= 1, 2 or more) by the cells of their x and y, and these cells.
 
-    More than MAX_CELLS of them are not made: they get larger than `cell_m`.
+    Cells are larger than `cell_m` where the extent would need more than MAX_CELLS.
     """
     low, high = _bounds(points)
     width, height = max(high[0] - low[0], cell_m), max(high[1] - low[1], cell_m)
@@ -56,11 +59,12 @@ def sort_by_cell(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], Cell
     for i in range(n):
         order[cursor[cells[i]]] = i
         cursor[cells[i]] += 1
-    return order, (starts, low, cell_m, rows, columns)
+    return order, CellGrid(starts, low, cell_m, rows, columns)
 
 
 @njit(cache=True)
 def _bounds(points: Floats) -> tuple[Floats, Floats]:
+    """The lowest and the highest x, y (2,) of the points."""
     low, high = points[0, :2].copy(), points[0, :2].copy()
     for i in range(points.shape[0]):
         for axis in range(2):
@@ -69,33 +73,23 @@ def _bounds(points: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-@njit(cache=True)
-def block_around(
-    x: float, y: float, origin: Floats, cell_m: float, rows: int, columns: int
-) -> tuple[int, int, int, int]:
-    """The 3 x 3 cells around (x, y) m, as far as there are any: first row, last (excluded), first column, last."""
-    row, column = int(np.floor((x - origin[0]) / cell_m)), int(np.floor((y - origin[1]) / cell_m))
-    left, right = max(column - 1, 0), min(column + 2, columns)
+@njit(cache=True, inline="always")  # as below
+def block_around(x: float, y: float, cells: CellGrid) -> tuple[int, int, int, int]:
+    """The 3 x 3 cells around (x, y) m that exist: first row, last row (excluded), first column, last (excluded)."""
+    row = int(np.floor((x - cells.origin[0]) / cells.cell_m))
+    column = int(np.floor((y - cells.origin[1]) / cells.cell_m))
+    left, right = max(column - 1, 0), min(column + 2, cells.columns)
     if left >= right:
         return 0, 0, 0, 0
-    return max(row - 1, 0), min(row + 2, rows), left, right
+    return max(row - 1, 0), min(row + 2, cells.rows), left, right
 
 
-@njit(cache=True)
-def nearest(
-    x: float,
-    y: float,
-    gate_m: float,
-    points: Floats,
-    starts: NDArray[np.int64],
-    origin: Floats,
-    cell_m: float,
-    rows: int,
-    columns: int,
-) -> int:
-    """Row of the point nearest to (x, y) within `gate_m`, which is at most a cell's side; -1 if there is none."""
-    top, bottom, left, right = block_around(x, y, origin, cell_m, rows, columns)
+@njit(cache=True, inline="always")  # a tenth of ICP's time
+def nearest(x: float, y: float, gate_m: float, points: Floats, cells: CellGrid) -> int:
+    """Row of the point nearest to (x, y) m within `gate_m`, which is at most a cell's side; -1 if there is none."""
+    top, bottom, left, right = block_around(x, y, cells)
     best, best_d2 = -1, gate_m * gate_m
+    starts, columns = cells.starts, cells.columns
     for r in range(top, bottom):
         for k in range(starts[r * columns + left], starts[r * columns + right]):
             dx, dy = points[k, 0] - x, points[k, 1] - y

@@ -4,24 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance, wrap
 from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
-from wayfi.frontends.lidar.laser_points import place_all
+from wayfi.frontends.lidar.laser_points import transform_scans
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex, build_index
 from wayfi.frontends.scan_points import ScanPoints
 
-OPEN = np.eye(3)  # information, 1 / m^2 and 1 / rad^2, about what a scan does not see
-SEARCHED_CHI2 = 9.0  # 97 % of what wheels err by at 3 degrees of freedom, if they are as good as they say
-LEAST_WINDOW = (0.3, 0.3)  # m, rad: wheels that slip are further off than they say
-MOST_WINDOW = (1.0, 1.0)  # m, rad: twice what keyframes stand apart; bounds the cost
-BETTER_RATIO = 0.05  # by which what the search finds must fit better than what lies at the guess
+# Added to a scan's information, so that a direction it does not constrain has a sigma of 1 m or 1 rad: 70 times what
+# the wheels leave open over half a metre, so that they decide there, and the matrix can still be inverted.
+OPEN = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanMatch:
-    """A scan's pose in the submap's frame, with the (3, 3) covariance in that frame's axes, and how well it fits."""
+    """A scan's pose in the submap's frame, its (3, 3) covariance in that frame's axes, and how well it fits."""
 
     T_submap_scan: Pose2
     covariance: Floats
@@ -36,7 +34,7 @@ def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> Point
     lengths = np.array([len(scan.points) for scan in scans])
     points = np.concatenate([scan.points for scan in scans])
     normals = np.concatenate([scan.normals for scan in scans])
-    return build_index(*place_all(points, normals, lengths, poses), cell_m)
+    return build_index(*transform_scans(points, normals, lengths, poses), cell_m)
 
 
 def match_scan(
@@ -56,38 +54,41 @@ def match_scan(
     T = without_prior(result, guess, prior, config)
     if result.inlier_ratio < search_below:
         found = _search_and_match(scan, submap, guess, guess_covariance, config)
-        if found.inlier_ratio > result.inlier_ratio + BETTER_RATIO:
+        if found.inlier_ratio > result.inlier_ratio + config.search.min_gain:
             result, T = found, found.T_target_scan
-    return ScanMatch(T, match_covariance(result, config), result.inlier_ratio, result.residual_m)
+    covariance = match_covariance(result, config.degenerate_below, config.sigma_floor_m, config.sigma_floor_rad)
+    return ScanMatch(T, covariance, result.inlier_ratio, result.residual_m)
 
 
 def without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarConfig) -> Pose2:
-    """What the scan alone says, where `result` leant on `prior` (3, 3) information about `guess` as well.
+    """The pose z by the scan alone, of a `result` x that `prior` (3, 3) information P about `guess` has drawn to it.
 
-    The graph counts the wheels itself. From P (x - guess) + I (x - z) = 0 at the pose x that was found; where the scan
-    sees nothing, z stays at x.
+    The graph has the wheels as a factor of their own, and must not count them twice. With the scan's information I,
+    x solves P (x - guess) + I (x - z) = 0; along a direction that the scan does not constrain, z stays at x.
     """
     x = result.T_target_scan
     off = np.array([x.x - guess.x, x.y - guess.y, wrap(x.theta - guess.theta)])
-    kept = seen_directions(result.information, config.degenerate_below)
+    kept = constrained_directions(result.information, config.degenerate_below)
     information = kept @ result.information @ kept + OPEN
     return Pose2.of(x.array() + np.linalg.solve(information, kept @ prior @ off))
 
 
-def match_covariance(result: IcpResult, config: LidarConfig) -> Floats:
-    """(3, 3) covariance of an ICP: what its Hessian does not see stays open (1 m, 1 rad), and a floor holds below.
+def match_covariance(
+    result: IcpResult, degenerate_below: float, sigma_floor_m: float, sigma_floor_rad: float
+) -> Floats:
+    """(3, 3) covariance of an ICP from its Hessian: 1 m or 1 rad along open directions, and the floor on top.
 
     In a corridor the noise of the normals feigns a little information along it; a direction with less than
     `degenerate_below` of the other's is taken to have none (after X-ICP, Tuna et al., arXiv 2211.16335).
     """
-    floor = np.diag([config.sigma_floor_m**2, config.sigma_floor_m**2, config.sigma_floor_rad**2])
-    kept = seen_directions(result.information, config.degenerate_below)
+    kept = constrained_directions(result.information, degenerate_below)
+    floor = diagonal_covariance(sigma_floor_m, sigma_floor_rad)
     covariance = np.linalg.inv(kept @ result.information @ kept + OPEN) + floor
     return 0.5 * (covariance + covariance.T)
 
 
-def seen_directions(information: Floats, degenerate_below: float) -> Floats:
-    """(3, 3) projection that leaves out a direction of translation that is not really seen."""
+def constrained_directions(information: Floats, degenerate_below: float) -> Floats:
+    """(3, 3) projection onto the directions that the points constrain; see `match_covariance`."""
     eigenvalues, directions = np.linalg.eigh(information[:2, :2])
     kept = np.eye(3)
     if eigenvalues[0] < degenerate_below * eigenvalues[1]:
@@ -98,6 +99,8 @@ def seen_directions(information: Floats, degenerate_below: float) -> Floats:
 def _search_and_match(
     scan: ScanPoints, submap: PointIndex, guess: Pose2, covariance: Floats, config: LidarConfig
 ) -> IcpResult:
-    window = SearchWindow.of(covariance, SEARCHED_CHI2, LEAST_WINDOW, MOST_WINDOW)
+    bounds = config.search
+    smallest, largest = (bounds.min_window_m, bounds.min_window_rad), (bounds.max_window_m, bounds.max_window_rad)
+    window = SearchWindow.of(covariance, bounds.chi2, smallest, largest)
     peak = search(scan.points, build_field(submap.points, config.correlative), guess, window, config.correlative)
     return icp(scan, submap, peak.pose, np.zeros((3, 3)), config.icp)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
-from wayfi.backend.graph.gtsam_factors import in_b
-from wayfi.backend.pose2 import Floats, Pose2, meeting
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
 
@@ -37,14 +36,16 @@ def _edge(factor: Factor, poses: Floats, calibration: Floats) -> str:
 
 
 def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(in_b(covariance, T_a_b.theta)), np.float64)
+    return np.asarray(np.linalg.inv(covariance_in_b(covariance, T_a_b.theta)), np.float64)
 
 
 def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:
     """The edge of two coinciding points, with the poses' own heading: rank 2, the rotation about them is free."""
     turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
     moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])
-    return meeting(factor.place_a, factor.place_b, turned), np.asarray(moved.T @ moved / factor.sigma_m**2, np.float64)
+    return pose_of_common_place(factor.place_a, factor.place_b, turned), np.asarray(
+        moved.T @ moved / factor.sigma_m**2, np.float64
+    )
 
 
 def _numbers(values: NDArray[np.floating[Any]]) -> str:

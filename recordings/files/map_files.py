@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import GridRedrawn

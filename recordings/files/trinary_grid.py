@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.recordings.files import map_files
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1  # as in nav_msgs/msg/OccupancyGrid

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all
-from wayfi.frontends.lidar.laser_points import beam_points, planar_mount, to_base, walls_seen
+from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.wifi.readings import Readings, usable_readings
@@ -19,8 +21,7 @@ from wayfi.service.reproduction.messages import Progress, sensor_messages
 
 SECOND_NS = 1_000_000_000
 SCAN_WITHIN_S = 2.0  # of the WiFi scan; the odometry gives the motion in between
-MAX_RANGE_M, THINNING_M = 25.0, 0.08
-NORMAL_RADIUS_M = 0.2
+LIDAR = LidarConfig(thinning_m=0.08)  # the paper's scans are of 600 points: about that many remain of a UST-20LX
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,12 +42,12 @@ class RecordedDrive:
 
 @dataclass(frozen=True, slots=True)
 class _Measurements:
-    """The measurements of a recording; `mounts` are T_base_laser and whether it is upside down, by frame."""
+    """The measurements of a recording; `mounts` are the lasers', by frame."""
 
     odometry: list[Odometry] = field(default_factory=list)
     wifi: list[WifiScan] = field(default_factory=list)
     laser: list[LaserScan] = field(default_factory=list)
-    mounts: dict[str, tuple[Pose2, bool]] = field(default_factory=dict)
+    mounts: dict[str, Mount] = field(default_factory=dict)
 
     def add(self, measurement: Measurement) -> None:
         match measurement:
@@ -57,7 +58,7 @@ class _Measurements:
             case LaserScan():
                 self.laser.append(measurement)
             case StaticTransforms():
-                self.mounts.update({t.child_frame_id: planar_mount(t) for t in measurement.transforms})
+                self.mounts.update({t.child_frame_id: Mount.of(t) for t in measurement.transforms})
 
 
 def read_drive(recording_path: Path, progress: Progress) -> RecordedDrive:
@@ -113,16 +114,16 @@ def _scans(received: _Measurements, path: Trajectory, stamps_ns: Stamps, poses: 
     scans = {}
     for number in np.flatnonzero(mutual & soon).tolist():
         scan = laser[nearest[number]]
-        mount, upside_down = received.mounts.get(scan.frame_id, (Pose2(), False))
-        placed = _scan_points(scan, Pose2.of(T_pose_scan[number]), mount, upside_down)
+        mount = received.mounts.get(scan.frame_id) or Mount.level(Pose2())
+        placed = _scan_points(scan, Pose2.of(T_pose_scan[number]), mount)
         if len(placed.points):
             scans[number] = placed
     return scans
 
 
-def _scan_points(scan: LaserScan, T_pose_scan: Pose2, mount: Pose2, upside_down: bool) -> ScanPoints:
-    points = T_pose_scan.transform(to_base(beam_points(scan, MAX_RANGE_M)[1], mount, upside_down, None))
-    return walls_seen(points, T_pose_scan @ mount, NORMAL_RADIUS_M, THINNING_M)
+def _scan_points(scan: LaserScan, T_pose_scan: Pose2, mount: Mount) -> ScanPoints:
+    points = T_pose_scan.transform(to_base(beam_points(scan, LIDAR.max_range_m)[1], mount, None))
+    return scan_from_points(points, T_pose_scan @ mount.planar, LIDAR)
 
 
 def _nearest(sorted_ns: Stamps, stamps_ns: Stamps) -> NDArray[np.int64]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
 from wayfi.frontends.measurements import StaticTransform, StaticTransforms

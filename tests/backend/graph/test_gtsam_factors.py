@@ -8,9 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from wayfi.backend.graph.gtsam_factors import CALIBRATION, between_factor, in_b, near_factor, pose_key, wheel_factor
+from wayfi.backend.graph.gtsam_factors import (
+    CALIBRATION,
+    between_factor,
+    near_factor,
+    pose_key,
+    wheel_factor,
+)
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, meeting, wrap
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place, wrap
 
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
 POSES = st.builds(Pose2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
@@ -74,7 +80,7 @@ def test_the_near_factor_says_nothing_of_the_scale_and_is_content_where_the_plac
     )
     shrunk = near_factor(0, 1, (1 + scale) * place_a, (1 + scale) * place_b, 0.5)
     assert math.isclose(shrunk.error(scaled), factor.error(as_driven), rel_tol=1e-6, abs_tol=1e-9)
-    together = meeting(place_a, place_b, 0.3)
+    together = pose_of_common_place(place_a, place_b, 0.3)
     assert factor.error(values(a, a @ together, np.zeros(4))) < 1e-12
     apart = a.transform(place_a[None])[0] - b.transform(place_b[None])[0]
     assert math.isclose(factor.error(as_driven), 0.5 * float(apart @ apart) / 0.5**2, rel_tol=1e-6, abs_tol=1e-9)
@@ -103,14 +109,14 @@ def test_the_wheel_factor_is_content_where_the_calibrated_wheels_are_right(
 @settings(deadline=None)
 @given(st.floats(-3, 3))
 def test_a_covariance_turned_into_the_axes_of_b_keeps_its_size_and_comes_back(theta: float) -> None:
-    turned = in_b(COVARIANCE, theta)
+    turned = covariance_in_b(COVARIANCE, theta)
     np.testing.assert_allclose(np.linalg.eigvalsh(turned), np.linalg.eigvalsh(COVARIANCE), atol=1e-12)
-    np.testing.assert_allclose(in_b(turned, -theta), COVARIANCE, atol=1e-12)
+    np.testing.assert_allclose(covariance_in_b(turned, -theta), COVARIANCE, atol=1e-12)
     assert math.isclose(turned[2, 2], COVARIANCE[2, 2])
 
 
 def test_what_is_open_along_as_x_axis_is_open_along_bs_y_axis_when_b_has_turned_left() -> None:
-    turned = in_b(np.diag([100.0, 1.0, 0.1]), math.pi / 2)
+    turned = covariance_in_b(np.diag([100.0, 1.0, 0.1]), math.pi / 2)
     np.testing.assert_allclose(turned, np.diag([1.0, 100.0, 0.1]), atol=1e-12)
 
 

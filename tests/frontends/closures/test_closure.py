@@ -13,10 +13,10 @@ from wayfi.frontends.closures.lidar_check import (
     CheckResult,
     ClosureConfig,
     Expected,
-    at_one_place,
     check,
     innovation_chi2,
     nearest_candidate,
+    update_by_place,
 )
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.scan_points import ScanPoints
@@ -152,14 +152,14 @@ def test_innovations_drawn_from_their_covariances_are_chi2_distributed() -> None
 def test_two_places_said_to_be_one_draw_what_is_expected_between_them() -> None:
     loose = Expected(Pose2(10.0, -4.0, 0.3), np.diag([36.0, 36.0, 0.04]))
     place_a, place_b = np.array([0.2, 0.1]), np.array([-0.3, 0.2])
-    nearer, disagreement = at_one_place(loose, place_a, place_b, 0.5)
+    nearer, disagreement = update_by_place(loose, place_a, place_b, 0.5)
     apart = nearer.T_a_b.transform(place_b[None])[0] - place_a
     assert math.hypot(*apart) < 0.2
     assert disagreement == pytest.approx((10.0**2 + 4.0**2) / 36.25, rel=0.1)
     assert np.linalg.eigvalsh(nearer.covariance)[0] > 0
     assert np.sqrt(np.diag(nearer.covariance))[:2].max() < 0.55
     firm = Expected(Pose2(10.0, -4.0, 0.3), np.diag([1e-4, 1e-4, 1e-6]))
-    unmoved, disagreement = at_one_place(firm, place_a, place_b, 0.5)
+    unmoved, disagreement = update_by_place(firm, place_a, place_b, 0.5)
     assert unmoved.T_a_b.distance(firm.T_a_b) < 0.01
     assert disagreement > CONFIG.gate_chi2
 

@@ -50,7 +50,7 @@ def test_checks_keep_their_distance_and_need_a_scan() -> None:
 def test_wifi_proposes_and_the_laser_gives_the_pose() -> None:
     run = drive(2.2, bias=0.005)
     candidate = run.candidate(3, run.last)
-    assert closer(run).sees(candidate)
+    assert closer(run).can_check(candidate)
     outcome = closer(run).close_by_wifi(candidate, 0, run.poses())
     check, verdict = outcome.events
     assert outcome.closed
@@ -62,8 +62,8 @@ def test_wifi_proposes_and_the_laser_gives_the_pose() -> None:
 
 def test_the_laser_sees_no_candidate_without_scans_and_closes_no_keyframe_with_itself() -> None:
     blind, run = drive(0.5, laser=False), drive(0.5)
-    assert not closer(blind).sees(blind.candidate(0, 5))
-    assert not closer(run).sees(run.candidate(5, 5))
+    assert not closer(blind).can_check(blind.candidate(0, 5))
+    assert not closer(run).can_check(run.candidate(5, 5))
 
 
 def test_wifi_that_contradicts_the_estimate_is_refused_before_the_laser_is_asked() -> None:

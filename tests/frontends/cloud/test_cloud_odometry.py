@@ -80,7 +80,7 @@ def test_a_keyframe_without_a_cloud_begins_a_new_map() -> None:
 
 def test_nothing_in_common_is_no_information() -> None:
     far = np.array([[500.0, 0.0, 0.5], [500.0, 1.0, 0.5]])
-    fit = fit_cloud(band_at(HALL, Pose2(), 0), far, Pose2(), Pose2(), np.eye(3))
+    fit = fit_cloud(band_at(HALL, Pose2(), 0), far, Pose2(), Pose2(), np.eye(3), CONFIG.cloud.fit)
     assert fit.inlier_ratio == 0.0
     assert not fit.information.any()
     assert fit.T_target_scan.distance(Pose2()) == pytest.approx(0.0)

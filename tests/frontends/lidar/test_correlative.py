@@ -14,9 +14,8 @@ from wayfi.frontends.lidar.correlative import (
     CorrelativeConfig,
     LikelihoodField,
     SearchWindow,
-    _bound,
-    _score,
     build_field,
+    mean_value,
     search,
 )
 
@@ -74,8 +73,8 @@ def test_a_coarse_cells_score_bounds_every_pose_in_it(seed: int, dr: int, dc: in
     field = build_field(rng.uniform(-1.5, 1.5, (30, 2)), CONFIG)
     pose = Pose2(*rng.uniform(-3, 3, 3))
     cells = cells_of(rng.uniform(-2, 2, (20, 2)), field, pose)
-    bound = _bound(cells, field.coarse, dr, dc)
-    scores = [_score(cells, field.fine, dr + i, dc + j) for i in range(BRANCH) for j in range(BRANCH)]
+    bound = mean_value(cells, field.coarse, dr, dc, BRANCH - 1)
+    scores = [mean_value(cells, field.fine, dr + i, dc + j, 0) for i in range(BRANCH) for j in range(BRANCH)]
     assert max(scores) <= bound + 1e-6
 
 
@@ -85,7 +84,7 @@ def test_a_score_is_the_mean_of_the_field_under_the_points(seed: int, dr: int, d
     rng = np.random.default_rng(seed)
     field = build_field(rng.uniform(-1.5, 1.5, (30, 2)), CONFIG)
     points, pose = rng.uniform(-2, 2, (20, 2)), Pose2(*rng.uniform(-3, 3, 3))
-    score = _score(cells_of(points, field, pose), field.fine, dr, dc)
+    score = mean_value(cells_of(points, field, pose), field.fine, dr, dc, 0)
     assert math.isclose(score, plain_score(points, field, pose, (dr, dc)), abs_tol=1e-6)
 
 

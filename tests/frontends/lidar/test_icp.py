@@ -7,7 +7,7 @@ import pytest
 from rooms import CORRIDOR, HALL, off_by, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.lidar.icp import IcpConfig, icp
+from wayfi.frontends.lidar.icp import IcpConfig, IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex, build_index, nearest
 from wayfi.frontends.lidar.scan_matching import match_covariance, match_scan, merge_submap
@@ -23,6 +23,10 @@ def submap_at(faces: Floats, poses: list[Pose2], rng: np.random.Generator) -> Po
     submap = merge_submap(scans, np.array([poses[0].between(pose).array() for pose in poses]), LIDAR.cell_m)
     assert submap is not None
     return submap
+
+
+def covariance_of(result: IcpResult) -> Floats:
+    return match_covariance(result, LIDAR.degenerate_below, LIDAR.sigma_floor_m, LIDAR.sigma_floor_rad)
 
 
 def test_known_rooms_are_found_again_to_a_centimetre_from_many_first_guesses() -> None:
@@ -53,7 +57,7 @@ def test_the_covariance_of_a_match_covers_its_errors() -> None:
         result = icp(see(HALL, a @ T_a_b, rng), submap_at(HALL, [a], rng), T_a_b, NO_PRIOR, IcpConfig())
         T = result.T_target_scan
         e = np.array([T.x - T_a_b.x, T.y - T_a_b.y, wrap(T.theta - T_a_b.theta)])
-        chi2.append(float(e @ np.linalg.solve(match_covariance(result, LIDAR), e)))
+        chi2.append(float(e @ np.linalg.solve(covariance_of(result), e)))
     assert np.mean(chi2) < 3.0
     assert np.quantile(chi2, 0.95) < 7.8
 
@@ -65,7 +69,7 @@ def test_a_corridor_leaves_the_pose_open_along_it(heading: float) -> None:
     submap = submap_at(CORRIDOR, [a, Pose2(-3.0, 0.1, heading), Pose2(3.0, 0.0, heading)], rng)
     T_a_b = Pose2(0.3, 0.0, 0.05)
     result = icp(see(CORRIDOR, a @ T_a_b, rng), submap, T_a_b, NO_PRIOR, IcpConfig())
-    covariance = match_covariance(result, LIDAR)
+    covariance = covariance_of(result)
     along = np.array([math.cos(-heading), math.sin(-heading)])
     across = np.array([-along[1], along[0]])
     sigma_along = math.sqrt(along @ covariance[:2, :2] @ along)
@@ -95,7 +99,7 @@ def test_without_overlap_nothing_matches_and_the_guess_stays() -> None:
     assert result.inlier_ratio == 0.0
     assert result.T_target_scan == guess
     np.testing.assert_array_equal(result.information, 0)
-    covariance = match_covariance(result, LIDAR)
+    covariance = covariance_of(result)
     assert math.sqrt(covariance[0, 0]) > 0.9
     assert np.linalg.eigvalsh(covariance)[0] > 0
 
@@ -129,7 +133,7 @@ def test_the_index_finds_the_nearest_point_within_the_gate_as_a_search_of_all_do
     points = rng.uniform(-5, 5, (400, 2))
     index = build_index(points, np.zeros_like(points), 0.5)
     for x, y in rng.uniform(-6, 6, (300, 2)):
-        found = nearest(x, y, 0.5, index.points, index.starts, index.origin, index.cell_m, index.rows, index.columns)
+        found = nearest(x, y, 0.5, index.points, index.cells)
         distance = np.hypot(*(index.points - [x, y]).T)
         expected = int(np.argmin(distance)) if distance.min() < 0.5 else -1
         assert found == expected
@@ -139,8 +143,8 @@ def test_the_index_keeps_every_point_with_its_normal_and_bounds_its_cells() -> N
     points = np.array([[0.0, 0.0], [1e5, 1e5], [3.0, 4.0]])
     normals = np.array([[1.0, 0.0], [0.0, 1.0], [np.nan, np.nan]])
     index = build_index(points, normals, 0.5)
-    assert index.rows * index.columns < 1.1e6
-    assert index.starts[-1] == 3
+    assert index.cells.rows * index.cells.columns < 1.1e6
+    assert index.cells.starts[-1] == 3
     rows = sorted(map(tuple, np.hstack([index.points, np.nan_to_num(index.normals, nan=9.0)]).tolist()))
     assert rows == [(0.0, 0.0, 1.0, 0.0), (3.0, 4.0, 9.0, 9.0), (1e5, 1e5, 0.0, 1.0)]
 
@@ -148,5 +152,5 @@ def test_the_index_keeps_every_point_with_its_normal_and_bounds_its_cells() -> N
 def test_one_wall_alone_makes_an_index() -> None:
     wall = np.stack([np.linspace(0, 3, 30), np.zeros(30)], axis=1)
     index = build_index(wall, np.tile([0.0, 1.0], (30, 1)), 0.5)
-    assert index.rows * index.columns <= 8
+    assert index.cells.rows * index.cells.columns <= 8
     assert len(index.points) == 30

@@ -7,6 +7,7 @@ import pytest
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.lidar.laser_clock import LaserClock
+from wayfi.frontends.lidar.lidar_config import LaserClockConfig
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
@@ -22,13 +23,13 @@ def heading(t_s: float) -> float:
 def found(laser_late_s: float, turn_scale: float = 1.0, noise_rad: float = 0.01, turns: bool = True) -> list[float]:
     """What the clock finds when the laser's stamps say `laser_late_s` more than the odometry's."""
     rng = np.random.default_rng(0)
-    path, clock, told = DrivenPath(OdometryConfig()), LaserClock(), []
+    path, clock, told = DrivenPath(OdometryConfig()), LaserClock(LaserClockConfig()), []
     for tick in range(10 * SECONDS):
         t_s = tick / 10
         path.advance(tick * S // 10, Pose2(0.05 * tick, 0.0, turn_scale * heading(t_s) * turns))
         if tick % (10 * EVERY_S) == 0 and tick:
             turned = (heading(t_s - laser_late_s) - heading(t_s - EVERY_S - laser_late_s)) * turns
-            clock.add((tick - 10 * EVERY_S) * S // 10, tick * S // 10, turned + rng.normal(0.0, noise_rad))
+            clock.add_turn((tick - 10 * EVERY_S) * S // 10, tick * S // 10, turned + rng.normal(0.0, noise_rad))
         offset_s = clock.offset_s(path)
         if offset_s is not None:
             told.append(offset_s)
@@ -55,8 +56,8 @@ def test_an_offset_beyond_reach_is_not_made_up() -> None:
 
 
 def test_turns_from_before_the_odometry_are_passed_over() -> None:
-    clock, path = LaserClock(), DrivenPath(OdometryConfig())
-    clock.add(0, S, 1.0)
+    clock, path = LaserClock(LaserClockConfig()), DrivenPath(OdometryConfig())
+    clock.add_turn(0, S, 1.0)
     for tick in range(100, 200):
         path.advance(tick * S // 10, Pose2(0.01 * tick, 0.0, 0.0))
     assert clock.offset_s(path) is None

@@ -10,8 +10,9 @@ from rooms import see
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.intake.scan_intake import ScanIntake
-from wayfi.frontends.lidar.laser_points import NEAREST_M, beam_points, lines_along, planar_mount, returns, thin, to_base
+from wayfi.frontends.lidar.laser_points import MIN_RANGE_M, beam_points, fit_normals, thin, to_base, valid_beams
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
@@ -60,13 +61,13 @@ def test_what_is_no_return_is_left_out_and_the_others_keep_their_bearing() -> No
     beams, points = beam_points(scan(ranges), 25.0)
     assert beams.tolist() == [1, 6]
     np.testing.assert_allclose(points[1], [2 * math.cos(0.6), 2 * math.sin(0.6)], atol=1e-6)
-    assert returns(scan(ranges), 25.0).tolist() == [1, 6]
+    assert valid_beams(scan(ranges), 25.0).tolist() == [1, 6]
 
 
 def test_a_range_max_of_zero_is_one_that_is_not_known() -> None:
     unknown = LaserScan(0, "laser", np.array([5.0, 30.0], np.float32), 0.0, 0.1, 0.0, 0.0)
-    assert returns(unknown, 25.0).tolist() == [0]
-    assert returns(scan([NEAREST_M / 2, 1.0]), 25.0).tolist() == [1]
+    assert valid_beams(unknown, 25.0).tolist() == [0]
+    assert valid_beams(scan([MIN_RANGE_M / 2, 1.0]), 25.0).tolist() == [1]
 
 
 # Mounts
@@ -85,9 +86,9 @@ def test_mounts_upright_and_upside_down_place_points_as_their_rotation_does(
     Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
     tilted = np.diag([math.cos(pitch), math.cos(roll), math.cos(roll) * math.cos(pitch)])
     expected = (Rz @ tilted @ np.array([x, y, 0.0]))[:2] + np.array([0.2, -0.1])
-    T_base_laser, upside_down = planar_mount(transform)
-    assert upside_down == (tilt != (0.0, 0.0))
-    np.testing.assert_allclose(to_base(np.array([[x, y]]), T_base_laser, upside_down, None)[0], expected, atol=1e-9)
+    sensor = Mount.of(transform)
+    assert sensor.upside_down == (tilt != (0.0, 0.0))
+    np.testing.assert_allclose(to_base(np.array([[x, y]]), sensor, None)[0], expected, atol=1e-9)
 
 
 def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
@@ -136,15 +137,15 @@ def test_the_normals_of_a_room_are_those_of_its_walls_and_look_at_the_sensor() -
 
 def test_where_no_line_fits_there_is_no_normal() -> None:
     alone = np.array([[1.0, 0.0], [0.0, 5.0], [-7.0, 0.0]])
-    assert np.isnan(lines_along(alone, np.zeros(2), 0.2)[1]).all()
+    assert np.isnan(fit_normals(alone, np.zeros(2), LidarConfig())[1]).all()
     blob = np.random.default_rng(1).normal([3.0, 0.0], 0.03, (40, 2))
-    assert np.isnan(lines_along(blob, np.zeros(2), 0.2)[1]).all(axis=1).mean() > 0.5
-    assert lines_along(np.empty((0, 2)), np.zeros(2), 0.2)[1].shape == (0, 2)
+    assert np.isnan(fit_normals(blob, np.zeros(2), LidarConfig())[1]).all(axis=1).mean() > 0.5
+    assert fit_normals(np.empty((0, 2)), np.zeros(2), LidarConfig())[1].shape == (0, 2)
 
 
 def test_far_walls_have_normals_though_their_beams_are_wide_apart() -> None:
     wall = np.stack([np.full(20, 20.0), np.arange(20) * 0.35], axis=1)
-    normals = lines_along(wall, np.zeros(2), 0.2)[1][1:-1]
+    normals = fit_normals(wall, np.zeros(2), LidarConfig())[1][1:-1]
     np.testing.assert_allclose(np.abs(normals), [[1.0, 0.0]] * 18, atol=1e-9)
 
 
@@ -179,7 +180,7 @@ def test_thinning_does_not_choose_points_by_their_noise() -> None:
 
 def test_points_of_a_wall_are_moved_onto_it() -> None:
     points = walls_of_a_corridor(np.random.default_rng(3), 0.003)
-    placed, normals = lines_along(points, np.zeros(2), 0.2)
+    placed, normals = fit_normals(points, np.zeros(2), LidarConfig())
     seen = np.isfinite(normals[:, 0]) & (np.abs(points[:, 0]) < 2.0)
     noise = (np.abs(points[seen, 1]) - 1.2).std()
     assert (np.abs(placed[seen, 1]) - 1.2).std() < 0.7 * noise

@@ -11,20 +11,17 @@ from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import Dropped, Event, Warned
 from wayfi.frontends.lidar.laser_watch import (
     BLOCKED,
-    CEILING_SCANS,
-    FAULTY,
     FEW_RETURNS,
     LATE,
-    LATE_NS,
-    SILENT_S,
-    WINDOW,
     LaserWatch,
-    Sweep,
 )
-from wayfi.frontends.measurements import LaserScan, PointCloud
+from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
+from wayfi.frontends.measurements import LaserScan, PointCloud, Sweep
 
 S = 1_000_000_000
 BEAMS = 360
+CONFIG = LaserWatchConfig()
+LATE_NS = round(CONFIG.late_s * S)
 
 
 def scan_of(ranges: Floats, range_max_m: float = 20.0) -> LaserScan:
@@ -35,13 +32,13 @@ class Drive:
     """A laser at one scan a second; what the watch says of it."""
 
     def __init__(self) -> None:
-        self.watch, self.rng, self.scans = LaserWatch(), np.random.default_rng(3), 0
+        self.watch, self.rng, self.scans = LaserWatch(CONFIG), np.random.default_rng(3), 0
         self.events: list[Event] = []
         self.used: Sweep | None = None
 
     def see(self, scan: Sweep, late_ns: int = 0) -> None:
         self.scans += 1
-        taking = self.watch.add(self.scans * S, scan, late_ns)
+        taking = self.watch.add_sweep(self.scans * S, scan, late_ns)
         while True:
             try:
                 self.events.append(next(taking))
@@ -58,7 +55,7 @@ class Drive:
 
     def pass_time(self, start_s: float, stop_s: float, every_s: float = 0.1) -> None:
         for second in np.arange(start_s, stop_s, every_s):
-            self.events += self.watch.pass_time(round(second * S))
+            self.events += self.watch.check_silence(round(second * S))
 
     def complaints(self) -> list[tuple[str, bool]]:
         return [(e.complaint, e.ends) for e in self.events if isinstance(e, Warned) and e.complaint]
@@ -95,7 +92,7 @@ def test_a_blocked_laser_is_not_used_and_told(low_m: float, high_m: float) -> No
     for _ in range(30):
         drive.see(scan_of(drive.rng.uniform(low_m, high_m, BEAMS)))
         assert drive.used is None
-    drive.see_walls(WINDOW)
+    drive.see_walls(CONFIG.window)
     assert drive.lost() == 30
     assert drive.complaints() == begins_and_ends(BLOCKED)
 
@@ -112,7 +109,7 @@ def test_few_returns_are_told_however_the_driver_says_so(nothing: float) -> None
     drive = Drive()
     for _ in range(30):
         drive.see(scan_of(np.where(drive.rng.random(BEAMS) < 0.9, nothing, drive.walls())))
-    drive.see_walls(WINDOW)
+    drive.see_walls(CONFIG.window)
     assert drive.lost() == 0
     assert drive.complaints() == begins_and_ends(FEW_RETURNS)
 
@@ -120,7 +117,7 @@ def test_few_returns_are_told_however_the_driver_says_so(nothing: float) -> None
 def test_a_range_that_many_beams_share_at_the_top_is_no_return_and_told_once() -> None:
     drive = Drive()
     for k in range(100):
-        share = 0.3 if k % 2 == 0 or k < CEILING_SCANS else 0.01
+        share = 0.3 if k % 2 == 0 or k < CONFIG.no_return_scans else 0.01
         none = np.arange(BEAMS) < share * BEAMS
         drive.see(scan_of(np.where(none, 15.0, drive.walls())))
         assert isinstance(drive.used, LaserScan)
@@ -130,7 +127,7 @@ def test_a_range_that_many_beams_share_at_the_top_is_no_return_and_told_once() -
     assert drive.complaints() == []
 
 
-def test_a_wall_that_looked_like_a_ceiling_is_seen_again_once_a_scan_sees_further() -> None:
+def test_a_wall_that_looked_like_no_return_is_seen_again_once_a_scan_sees_further() -> None:
     drive = Drive()
     wall = np.where(np.arange(BEAMS) < 40, 5.0, 3.0)
     drive.see(scan_of(wall))
@@ -143,8 +140,8 @@ def test_a_wall_that_looked_like_a_ceiling_is_seen_again_once_a_scan_sees_furthe
 
 def test_scans_that_come_late_are_told_and_used() -> None:
     drive = Drive()
-    drive.see_walls(FAULTY, late_ns=LATE_NS + 1)
-    drive.see_walls(WINDOW, late_ns=LATE_NS)
+    drive.see_walls(CONFIG.faulty, late_ns=LATE_NS + 1)
+    drive.see_walls(CONFIG.window, late_ns=LATE_NS)
     assert drive.lost() == 0
     assert drive.complaints() == begins_and_ends(LATE)
 
@@ -160,9 +157,9 @@ def test_a_laser_that_stops_and_comes_back() -> None:
     drive = Drive()
     drive.pass_time(0.0, 100.0)
     drive.see_walls(1)
-    drive.pass_time(100.0, 100.0 + SILENT_S)
+    drive.pass_time(100.0, 100.0 + CONFIG.silent_s)
     assert drive.events == []
-    drive.pass_time(100.0 + SILENT_S, 200.0)
+    drive.pass_time(100.0 + CONFIG.silent_s, 200.0)
     drive.see_walls(1)
     drive.pass_time(200.0, 201.0)
     assert drive.complaints() == begins_and_ends(SILENT)
@@ -179,7 +176,7 @@ def test_scans_14_s_apart_and_gaps_of_the_odometry_are_no_silence() -> None:
 
 def test_of_a_cloud_the_time_is_watched() -> None:
     drive, cloud = Drive(), PointCloud(0, "lidar", np.zeros((0, 3), np.float32))
-    for _ in range(WINDOW):
+    for _ in range(CONFIG.window):
         drive.see(cloud, late_ns=2 * S)
         assert drive.used is cloud
     assert drive.complaints() == [(f"laser.{LATE}", False)]

@@ -9,7 +9,7 @@ from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.lidar.scan_tracker import ScanTracker, Tracked
+from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
@@ -20,7 +20,9 @@ START = Pose2(-4.5, -2.5, 0.0)
 STEP = Pose2(0.3, 0.0, 0.05)
 
 
-def follow(steps: int, wrong: Pose2, seed: int = 0, scanless: bool = False) -> tuple[ScanTracker, list[Tracked | None]]:
+def follow(
+    steps: int, wrong: Pose2, seed: int = 0, scanless: bool = False
+) -> tuple[ScanTracker, list[KeyframeMatch | None]]:
     """Drive in the hall; the wheels tell each step multiplied by `wrong`. The poses are where the matches lead."""
     rng, keyframes = np.random.default_rng(seed), Keyframes()
     tracker = ScanTracker(keyframes, LIDAR, ODOMETRY)

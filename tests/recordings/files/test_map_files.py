@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.recordings.files.atomic_files import write_bytes, write_text
 from wayfi.recordings.files.map_files import write_map

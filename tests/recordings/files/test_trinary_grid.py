@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.files.trinary_grid import FREE, OCCUPIED, UNKNOWN, MapError, read_map, trinary

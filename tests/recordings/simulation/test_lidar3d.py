@@ -5,8 +5,7 @@ import pytest
 from clouds import HALL, MOUNT, cloud_at
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
-from wayfi.frontends.cloud.height_band import spatial_mount
-from wayfi.frontends.lidar.laser_points import planar_mount
+from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import PointCloud, StaticTransforms
 from wayfi.recordings.simulation import lidar3d
 from wayfi.recordings.simulation.lidar3d import CEILING_M, COLUMNS, ELEVATIONS, HEIGHT_M, heights, level_distances
@@ -123,10 +122,10 @@ def test_a_mount_is_told_with_its_turn() -> None:
     T_base_sensor = Pose2(0.2, -0.1, 2.5)
     (told,) = mount("laser", T_base_sensor, 0.3)
     assert isinstance(told, StaticTransforms)
-    planar, upside_down = planar_mount(told.transforms[0])
-    assert planar.array() == pytest.approx(T_base_sensor.array())
-    assert not upside_down
-    assert spatial_mount(told.transforms[0]).translation.tolist() == [0.2, -0.1, 0.3]
+    sensor = Mount.of(told.transforms[0])
+    assert sensor.planar.array() == pytest.approx(T_base_sensor.array())
+    assert not sensor.upside_down
+    assert sensor.translation.tolist() == [0.2, -0.1, 0.3]
 
 
 def test_clouds_come_in_place_of_scans() -> None:

@@ -6,7 +6,7 @@ from loopback import eventually, free_port
 from runs import stamp_ns
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.ros.messages import (
     NS_PER_S,

@@ -16,7 +16,7 @@ from zenoh.ext import (
 )
 
 from wayfi.backend.graph.health import State
-from wayfi.backend.grid.grid_map import MapConfig
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
 from wayfi.frontends.measurements import Sensor, StaticTransforms
