@@ -70,7 +70,7 @@ def test_an_installation_that_the_user_cannot_write_keeps_its_code_in_the_user_s
     for folder in folders:
         folder.chmod(0o555)
     try:
-        runs = [_line_through(site, home) for _ in range(2)]
+        runs = [_fit_line(site, home) for _ in range(2)]
     finally:
         for folder in folders:
             folder.chmod(0o755)
@@ -79,10 +79,11 @@ def test_an_installation_that_the_user_cannot_write_keeps_its_code_in_the_user_s
     assert not list(site.rglob("*.nb?"))
 
 
-def _line_through(site: Path, home: Path) -> tuple[str, int, int]:
+def _fit_line(site: Path, home: Path) -> tuple[str, int, int]:
     """Where the code of one function is kept, and how often it was found there or not, in a process of its own."""
     code = (
-        "import json; from wayfi.frontends.lidar import line_fit as l; l.fit_line(l.PointSums(5, 1.0, 2.0, 3.0, 4.0, 5.0));"
+        "import json; from wayfi.frontends.lidar import line_fit as l;"
+        "l.fit_line(l.PointSums(5, 1.0, 2.0, 3.0, 4.0, 5.0));"
         "s = l.fit_line.stats;"
         "print(json.dumps([l.__file__, s.cache_path, sum(s.cache_hits.values()), sum(s.cache_misses.values())]))"
     )
