@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import rerun_cli
-from daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
 from drives import Simulated, circling, write
-from loopback import eventually, free_port
-from runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
+from live.daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
+from live.loopback import eventually, free_port
+from live.runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
 
 from wayfi.frontends.measurements import Odometry
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part

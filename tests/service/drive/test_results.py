@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Replayed
-from drives import RESULT_FILES, Simulated, lines, run, write
+from drives import RESULT_FILES, Replayed, Simulated, lines, run, write
 from matplotlib.image import imread
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader

@@ -1,9 +1,9 @@
 """What a late subscriber gets."""
 
 import numpy as np
-from daemons import asked_for, into, message_of
-from loopback import eventually, free_port
-from runs import stamp_ns
+from live.daemons import asked_for, into, message_of
+from live.loopback import eventually, free_port
+from live.runs import stamp_ns
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from wayfi.backend.grid.map_config import MapConfig

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
-from loopback import eventually, free_port
+from live.loopback import eventually, free_port
 from zenoh.ext import (
     HistoryConfig,
     Int64,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from loopback import eventually, free_port
+from live.loopback import eventually, free_port
 from zenoh.ext import (
     CacheConfig,
     Int64,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from daemons import Running, message_of
+from live.daemons import Running, message_of
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import Odometry, Sensor
