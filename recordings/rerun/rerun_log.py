@@ -15,7 +15,7 @@ from wayfi.frontends.events import (
 )
 from wayfi.recordings.rerun.blueprint import blueprint
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, flip_y
+from wayfi.recordings.rerun.stream import RerunStream, flip_y
 from wayfi.recordings.rerun.views.backend import BackendView
 from wayfi.recordings.rerun.views.check import CheckView
 from wayfi.recordings.rerun.views.closures import ClosuresView
@@ -39,7 +39,7 @@ class RerunLog:
     def __init__(
         self, config: RerunConfig, path: Path | None, serve: bool = False, recording_id: str = "wayfi"
     ) -> None:
-        self._stream = stream = Stream(recording_id)
+        self._stream = stream = RerunStream(recording_id)
         stream.open(config, path, serve, blueprint())
         stream.log_static("/map", flip_y())
         self._poses = poses = Poses()

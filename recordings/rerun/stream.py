@@ -23,7 +23,7 @@ class LogError(WayfiError):
     """The Rerun log cannot be written or served."""
 
 
-class Stream:
+class RerunStream:
     """Logs at the time `stamp_ns` and `keyframe`, which its owner sets. It may be closed from another thread."""
 
     def __init__(self, recording_id: str) -> None:

@@ -56,7 +56,7 @@ class Run:
     laser: laser.LaserSpec
     wheels: wheels.WheelErrors
     environment: radio.RadioEnvironment
-    receivers: tuple[radio.Receiver, ...]
+    receivers: tuple[radio.SimulatedReceiver, ...]
     truth: Trajectory
 
 
@@ -157,7 +157,7 @@ def wifi_scans(run: Run) -> Iterator[WifiScan]:
     return heapq.merge(*(_received(run, receiver, delay_ns) for receiver, delay_ns in receivers), key=_stamp_ns)
 
 
-def _received(run: Run, receiver: radio.Receiver, delay_ns: int) -> Iterator[WifiScan]:
+def _received(run: Run, receiver: radio.SimulatedReceiver, delay_ns: int) -> Iterator[WifiScan]:
     rng = stream(run.seed, receiver.name)
     for stamp_ns in range(EPOCH_NS + delay_ns, EPOCH_NS + run.length_ns + 1, WIFI_PERIOD_NS):
         yield radio.wifi_scan(run.environment, receiver, stamp_ns, (stamp_ns - EPOCH_NS) / 1e9, run.drive.poses, rng)

@@ -56,7 +56,7 @@ class Daemon:
                 self._serve(subscribed)
             if self._stop.requested:
                 self._manager.stopping()
-            if loop.machine.state is not DaemonState.LOST:
+            if loop.machine.state is not DaemonState.ABANDONED:
                 self._log.info("stopping", signal=self._stop.name or "reset", waiting=len(loop.inbox))
                 self._drain()
                 self._finish()

@@ -17,7 +17,7 @@ class DaemonState(StrEnum):
     DRAINING = "draining"  # the end was requested: nothing more is received, what waits is published and fed
     FINISHING = "finishing"  # messages that still wait are dropped, the results are written
     STOPPED = "stopped"  # the results are written
-    LOST = "lost"  # the estimation ends each time on this drive: there are no results
+    ABANDONED = "abandoned"  # the estimation ends each time on this drive: there are no results
 
     @property
     def serving(self) -> bool:
@@ -27,12 +27,12 @@ class DaemonState(StrEnum):
 
 TRANSITIONS: Mapping[DaemonState, frozenset[DaemonState]] = {
     DaemonState.STARTING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING}),
-    DaemonState.RECOVERING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING, DaemonState.LOST}),
-    DaemonState.RUNNING: frozenset({DaemonState.RECOVERING, DaemonState.DRAINING, DaemonState.LOST}),
+    DaemonState.RECOVERING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING, DaemonState.ABANDONED}),
+    DaemonState.RUNNING: frozenset({DaemonState.RECOVERING, DaemonState.DRAINING, DaemonState.ABANDONED}),
     DaemonState.DRAINING: frozenset({DaemonState.FINISHING}),
     DaemonState.FINISHING: frozenset({DaemonState.STOPPED}),
     DaemonState.STOPPED: frozenset(),
-    DaemonState.LOST: frozenset(),
+    DaemonState.ABANDONED: frozenset(),
 }
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.wifi.fingerprints import Fingerprint
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.calibration_file import write_calibration
@@ -38,7 +38,7 @@ class Source:
 
 
 def write_results(
-    directory: Path, drive: Drive, result: Result, source: Source, extra: Mapping[str, Any] | None = None
+    directory: Path, drive: Drive, result: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
     with drive.timer("files"):
@@ -63,7 +63,7 @@ def hash_of(paths: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
-def _write_estimate(directory: Path, result: Result) -> None:
+def _write_estimate(directory: Path, result: DriveEstimate) -> None:
     write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
     write_tum(directory / "online.tum", result.stamps_ns, result.online)
     factors = result.factors.values()

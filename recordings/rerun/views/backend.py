@@ -8,7 +8,7 @@ import rerun as rr
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublished, StateChanged, Verdict
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream
+from wayfi.recordings.rerun.stream import Limiter, RerunStream
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, VERDICT
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -19,7 +19,7 @@ CALIBRATION = ("scale of distance", "scale of turning", "bias, rad/m", "bias, ra
 class BackendView:
     """Draws `/backend`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._sigma_limit = Limiter(config.pose_hz / 2)
         self._log_style()

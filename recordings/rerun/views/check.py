@@ -7,7 +7,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import CheckDone, KeyframeAdded
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, downsampled, flip_y
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, flip_y
 from wayfi.recordings.rerun.style import GUESS, MATCHED, SUBMAP, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -15,7 +15,7 @@ from wayfi.recordings.rerun.views.view import Handlers
 class CheckView:
     """Draws `/check/scans`, in base_link of keyframe a, `/check/inlier_ratio` and `/check/result`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._scan_points = config.scan_points
         stream.log_static("/check/scans", flip_y())

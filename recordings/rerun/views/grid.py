@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream
+from wayfi.recordings.rerun.stream import RerunStream
 from wayfi.recordings.rerun.views.view import Handlers
 
 UNKNOWN, FREE, OCCUPIED = 13, 38, 225
@@ -25,7 +25,7 @@ GREYS = _greys()
 class GridView:
     """Draws `/map/grid`: a larger grid less often and coarser, but the last one at full resolution."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._cells_per_s = config.grid_cells_per_s
         self._next_ns: int | None = None

@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import KeyframeAdded, PosePublished
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, transform
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, transform
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -21,7 +21,7 @@ POINTS_PER_STRIP = 50
 class RobotView:
     """Draws `/map/robot`, `/map/ellipse`, in the colour of the state, and `/map/odometry`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._pose_limit = Limiter(config.pose_hz)
         self._ellipse_limit = Limiter(config.pose_hz / 2)

@@ -5,7 +5,7 @@ import rerun as rr
 from wayfi.frontends.events import KeyframeAdded, SubmapMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, downsampled, transform
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import SCAN, SUBMAP, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -13,7 +13,7 @@ from wayfi.recordings.rerun.views.view import Handlers
 class ScansView:
     """Draws `/map/scan` in base_link of its keyframe, and `/map/local_submap` in `map`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._scan_points = config.scan_points
         self._scan_limit = Limiter(config.scan_hz)

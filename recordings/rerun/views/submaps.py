@@ -13,7 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap_all
 from wayfi.frontends.events import GraphUpdated, KeyframeAdded
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, downsampled, transform
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import ESTIMATE, KEYFRAME_SCAN, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers
@@ -39,7 +39,7 @@ class _Submap:
 class SubmapsView:
     """Draws `/map/submaps/NNNN`: a frame, and below it the path and the scans of its keyframes."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._size = config.submap_keyframes
         self._scan_points = config.scan_points

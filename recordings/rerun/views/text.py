@@ -8,7 +8,7 @@ import rerun as rr
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import ClosureJudged, Dropped, DropReason, StateChanged, Verdict, Warned
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.rerun.stream import Stream
+from wayfi.recordings.rerun.stream import RerunStream
 from wayfi.recordings.rerun.style import STATE, VERDICT, Color
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -19,7 +19,7 @@ WARNING: Color = (255, 165, 40)
 class TextView:
     """Writes `/log/verdicts`, `/log/state`, `/log/warnings` and `/log/drops`."""
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: RerunStream) -> None:
         self._stream = stream
         self._drops: Counter[tuple[Sensor, DropReason]] = Counter()
 

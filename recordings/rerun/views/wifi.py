@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import Floats, compose_all
 from wayfi.frontends.events import FingerprintAdded, SequenceMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, flip_y, segments
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, flip_y, segments
 from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers
@@ -22,7 +22,7 @@ DISSIMILAR_COLOR, SIMILAR_COLOR = np.array([40.0, 55.0, 80.0]), np.array([255.0,
 class WifiView:
     """Draws `/wifi/rssi`, `/wifi/strongest`, `/wifi/similarity`, `/wifi/places` and `/wifi/sequences`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._limit = Limiter(config.wifi_hz)
         self._poses = poses

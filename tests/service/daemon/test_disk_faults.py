@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from wayfi.frontends.measurements import Odometry
 from wayfi.recordings.mcap.parts import parts_of
 from wayfi.service.blackbox.disk import KINDS, MIB
-from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
+from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
 
 RATE = 30.0  # times real time
 BUDGET_MB = 20

@@ -16,7 +16,7 @@ from live.runs import error_m, replays_alike
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
-from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
+from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
 
 KILLED_S = 1.0
 HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
