@@ -58,17 +58,17 @@ class RerunLog:
         )
 
     def log(self, event: Event) -> None:
-        """Shows `event`."""
+        """Show `event`."""
         self._update_time_and_poses(event)
         for draw in self._handlers[type(event)]:
             draw(event)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Shows how many seconds each stage took, at the time of the last event."""
+        """Show how many seconds each stage took, at the time of the last event."""
         self._backend.log_durations(durations)
 
     def close(self) -> None:
-        """Shows the last grid and the totals of drops, then finishes the file."""
+        """Show the last grid and the totals of drops, then finish the file."""
         self._grid.draw_last()
         self._text.log_totals()
         self._stream.close()

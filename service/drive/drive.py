@@ -63,6 +63,7 @@ class Drive:
         with self.timer("log"):
             for event in events:
                 self.counters.count(event)
+            for event in events:
                 self.log.log(event)
             if any(isinstance(event, GraphUpdated) for event in events):
                 self.log.log_durations(self.timer.pop_durations())

@@ -23,7 +23,7 @@ class StampOrder:
         self._streams: dict[str, _Stamps] = {}
 
     def add(self, stream: str, stamp_ns: int) -> None:
-        """Take the next stamp of a stream. Raises ArgumentError, and forgets the stamp, where it cannot be right."""
+        """Add the next stamp of a stream. Raises ArgumentError, and forgets the stamp, where it cannot be right."""
         known = self._streams.get(stream)
         if known is None:
             self._streams[stream] = _Stamps(stamp_ns, stamp_ns)

@@ -34,7 +34,6 @@ from wayfi.service.config import load_config
 from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.replay import ReplayOptions, replay
 
-SECOND_NS = 1_000_000_000
 RESULT_FILES = (
     *("trajectory.tum", "online.tum", "session.rrd", "closures.csv", "map.pgm", "map.yaml", "map.png", "graph.g2o"),
     *("radio.csv", "report.json", "config.toml", "calibration.toml"),

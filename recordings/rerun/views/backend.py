@@ -34,27 +34,27 @@ class BackendView:
         }
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Draws the residual and the number of factors after an update."""
+        """Draw the residual and the number of factors after an update."""
         self._scalars("residual", event.residual)
         self._scalars("factors/in_and_out", event.factors_added, -event.factors_removed)
         self._scalars("factors/total", event.factors)
 
     def on_pose(self, event: PosePublished) -> None:
-        """Draws one sigma of the position (m) and of the heading (degrees)."""
+        """Draw one sigma of the position (m) and of the heading (degrees)."""
         if self._sigma_limit.passes(event.stamp_ns):
             x, y, theta = np.sqrt(np.maximum(np.diag(event.covariance), 0.0))
             self._scalars("sigma", np.hypot(x, y), np.degrees(theta))
 
     def on_state(self, event: StateChanged) -> None:
-        """Draws the state."""
+        """Draw the state."""
         self._stream.log("/backend/state", rr.StateChange(state=event.state.value))
 
     def on_calibration(self, event: CalibrationUpdated) -> None:
-        """Draws the four parameters of the wheels' calibration."""
+        """Draw the four parameters of the wheels' calibration."""
         self._scalars("calibration", *event.values)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Draws seconds by stage as milliseconds; a gap for a stage that did not run."""
+        """Draw seconds by stage as milliseconds; a gap for a stage that did not run."""
         self._scalars("time", *(1e3 * durations.get(stage, np.nan) for stage in STAGES))
 
     def _scalars(self, name: str, *values: float) -> None:

@@ -30,7 +30,7 @@ class CheckView:
         return {CheckDone: self.on_check, KeyframeAdded: self.on_keyframe}
 
     def on_check(self, event: CheckDone) -> None:
-        """Draws the newest check."""
+        """Draw the newest check."""
         self._points("submap", downsampled(event.submap, 2 * self._scan_points))
         scan = downsampled(event.scan, self._scan_points).astype(np.float64)
         self._points("before", event.T_a_b_guess.transform(scan))
@@ -39,7 +39,7 @@ class CheckView:
         self._stream.log("/check/result", rr.TextDocument(_summary(event), media_type="text/markdown"))
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """Draws the inlier ratio of the keyframe's scan matching."""
+        """Draw the inlier ratio of the keyframe's scan matching."""
         if np.isfinite(event.inlier_ratio):
             self._stream.log("/check/inlier_ratio/matching", rr.Scalars.from_fields(scalars=[event.inlier_ratio]))
 

@@ -47,7 +47,7 @@ class ClosuresView:
         return {ClosureJudged: self.on_closure, GraphUpdated: self.on_graph}
 
     def on_closure(self, event: ClosureJudged) -> None:
-        """Draws the line of a new candidate, or moves it to the group of its new verdict."""
+        """Draw the line of a new candidate, or move it to the group of its new verdict."""
         before = self._group_of.get(event.closure)
         group = (event.verdict, event.keyframe_b // self._submap_keyframes)
         if before is not None:
@@ -61,7 +61,7 @@ class ClosuresView:
         self._draw(group)
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Redraws the lines whose ends have moved."""
+        """Redraw the lines whose ends have moved."""
         if event.poses is None:
             return
         for group, lines in self._groups.items():

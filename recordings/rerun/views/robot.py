@@ -37,7 +37,7 @@ class RobotView:
         return {PosePublished: self.on_pose, KeyframeAdded: self.on_keyframe}
 
     def on_pose(self, event: PosePublished) -> None:
-        """Moves the robot, and its ellipse half as often."""
+        """Move the robot, and its ellipse half as often."""
         if self._T_map_odom_first is None:
             self._T_map_odom_first = event.T_map_odom
         self._T_odom_base = event.T_odom_base
@@ -47,7 +47,7 @@ class RobotView:
             self._draw_ellipse(event)
 
     def on_keyframe(self, event: KeyframeAdded) -> None:  # noqa: ARG002 - only its time matters
-        """Adds the current pose of raw odometry to its path."""
+        """Add the current pose of raw odometry to its path."""
         if self._T_map_odom_first is None:
             return
         raw = self._T_map_odom_first @ self._T_odom_base

@@ -28,13 +28,13 @@ class ScansView:
         return {KeyframeAdded: self.on_keyframe, SubmapMatched: self.on_submap}
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """Draws the newest keyframe's scan at its pose."""
+        """Draw the newest keyframe's scan at its pose."""
         if len(event.points) and self._scan_limit.passes(event.stamp_ns):
             points = rr.Points2D.from_fields(positions=arrows.points(downsampled(event.points, self._scan_points)))
             self._stream.log("/map/scan", transform(event.T_map_base), points)
 
     def on_submap(self, event: SubmapMatched) -> None:
-        """Draws the submap of the last scan matching."""
+        """Draw the submap of the last scan matching."""
         if self._submap_limit.passes(event.stamp_ns):
             points = downsampled(event.submap, 2 * self._scan_points)
             self._stream.log("/map/local_submap", rr.Points2D.from_fields(positions=arrows.points(points)))

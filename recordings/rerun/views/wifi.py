@@ -36,7 +36,7 @@ class WifiView:
         return {FingerprintAdded: self.on_fingerprint, SequenceMatched: self.on_sequences}
 
     def on_fingerprint(self, event: FingerprintAdded) -> None:
-        """Draws the newest fingerprint and its similarity to earlier ones."""
+        """Draw the newest fingerprint and its similarity to earlier ones."""
         self._store_position(event)
         for bssid in event.bssids:
             self._number_of_ap.setdefault(bssid, len(self._number_of_ap))
@@ -45,7 +45,7 @@ class WifiView:
             self._draw_similarity(event)
 
     def on_sequences(self, event: SequenceMatched) -> None:
-        """Draws the two sequences of the last candidate, and a line between each pair of fingerprints."""
+        """Draw the two sequences of the last candidate, and a line between each pair of fingerprints."""
         for name, points in (("a", event.points_a), ("b", event.points_b)):
             parts = (
                 rr.LineStrips2D.from_fields(strips=arrows.strips([points])),
