@@ -29,8 +29,8 @@ from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.odometry_config import calibration_prior
 from wayfi.frontends.odometry.timebase import Stamped
 from wayfi.frontends.odometry.trajectories import Trajectories
-from wayfi.frontends.result import Result
-from wayfi.frontends.slam import Slam
+from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.readings import PlacedWifiScan
@@ -45,7 +45,7 @@ class Pipeline:
         self._config = config
         self._timer: Timer = timer or (lambda _: nullcontext())
         self._odometry = AcceptedOdometry(config.odometry)
-        self._slam = Slam(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
+        self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
         self._wifi = WifiIntake(config.wifi)
         self._trajectories = Trajectories()
@@ -69,7 +69,7 @@ class Pipeline:
             case StaticTransforms():
                 return self._scans.add_transforms(measurement)
 
-    def finish(self) -> tuple[Result, list[Event]]:
+    def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
         events = list(self._use_last_scans(self._scans.queue.waiting()))
         events += self._use_wifi(self._wifi.finish())

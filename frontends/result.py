@@ -13,7 +13,7 @@ from wayfi.frontends.wifi.fingerprints import Fingerprint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Result:
+class DriveEstimate:
     """The drive as estimated at its end, with every measurement used.
 
     `final` and `online` (n, 3) are the poses of base_link in `map` at `stamps_ns` (n,), at the end and as they were

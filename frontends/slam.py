@@ -26,7 +26,7 @@ from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer
@@ -39,7 +39,7 @@ SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on
 NO_HITS: NDArray[np.float32] = np.empty((0, 2), np.float32)
 
 
-class Slam:
+class SlamCore:
     """The state of the estimation: the graph, the frontends that add factors to it, and the grid drawn from it."""
 
     def __init__(self, config: SlamConfig, prior: Calibration, timer: Timer) -> None:
@@ -147,7 +147,7 @@ class Slam:
         ]
         return [*keyframes, _grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
 
-    def finish(self, trajectories: Trajectories) -> tuple[Result, list[Event]]:
+    def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes[len(self.keyframes) - 1].point.stamp_ns) if self.has_keyframes else []
         with self._timer("map"):
@@ -157,7 +157,7 @@ class Slam:
         calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
         points = [self.keyframes[k].point for k in range(len(self.keyframes))]
         final = trajectories.final(points, self.poses, calibration.wheels.values)
-        result = Result(
+        result = DriveEstimate(
             stamps_ns, final, trajectories.online(), self.poses.copy(), self._graph.factors(), calibration, grid,
             self._wifi.fingerprints, self._wifi.places(self.poses),
         )  # fmt: skip

@@ -10,7 +10,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Releases every resource."""
+        """Release every resource."""
 
     def __enter__(self) -> Self:
         return self

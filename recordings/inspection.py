@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
@@ -109,7 +109,7 @@ class _ChannelStatistics:
     def inspection(self) -> TopicInspection:
         topic, type_name, encoding = self.channel
         stamps_ns = np.sort(np.array([stamp for stamps in self.stamps_ns.values() for stamp in stamps], dtype=np.int64))
-        steps_s = np.diff(stamps_ns) / 1e9
+        steps_s = np.diff(stamps_ns) / SECOND_NS
         is_wifi = self.route.sensor is Sensor.WIFI
         return TopicInspection(
             topic=topic,
@@ -144,7 +144,7 @@ class _ChannelStatistics:
 
 
 def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) -> Inspection:
-    """Reads the whole recording at `path`; `topics` are those configured for the sensors (None: the defaults).
+    """Read the whole recording at `path`; `topics` are those configured for the sensors (None: the defaults).
 
     Raises RecordingError if it cannot be opened or has no messages.
     """

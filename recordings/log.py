@@ -10,23 +10,23 @@ class Log(Protocol):
     """Shows events, in the order in which the pipeline gave them, and durations of stages. Not thread-safe."""
 
     def log(self, event: Event) -> None:
-        """Shows `event`."""
+        """Show `event`."""
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Shows how many seconds each stage took, by its name."""
+        """Show how many seconds each stage took, by its name."""
 
     def close(self) -> None:
-        """Finishes the log: everything is in the file afterwards."""
+        """Finish the log: everything is in the file afterwards."""
 
 
 class NullLog:
     """Shows nothing."""
 
     def log(self, event: Event) -> None:
-        """Does nothing."""
+        """Do nothing."""
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Does nothing."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Does nothing."""
+        """Do nothing."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.frontends.measurements import SECOND_NS
+
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -28,7 +30,7 @@ class Trajectory:
 
     def covers(self, stamps_ns: Stamps, edge_s: float, gap_s: float) -> Flags:
         """(m,) whether a stamp is at most `edge_s` before the first or after the last, and in no gap over `gap_s`."""
-        edge_ns, gap_ns = round(edge_s * 1e9), round(gap_s * 1e9)
+        edge_ns, gap_ns = round(edge_s * SECOND_NS), round(gap_s * SECOND_NS)
         inside: Flags = (stamps_ns >= self.stamps_ns[0] - edge_ns) & (stamps_ns <= self.stamps_ns[-1] + edge_ns)
         if len(self) == 1:
             return inside
@@ -40,7 +42,7 @@ class Trajectory:
         """(m,) seconds between each of `stamps_ns` and the nearest stamp of the trajectory."""
         after = np.searchsorted(self.stamps_ns, stamps_ns)
         gaps = [np.abs(self.stamps_ns[np.clip(after - k, 0, len(self) - 1)] - stamps_ns) for k in (0, 1)]
-        return np.asarray(np.minimum(*gaps) / 1e9)
+        return np.asarray(np.minimum(*gaps) / SECOND_NS)
 
     def path_m(self) -> Floats:
         """(n,) length of the path (m) from the first stamp to each."""
@@ -49,4 +51,4 @@ class Trajectory:
 
     def seconds(self, stamps_ns: Stamps) -> Floats:
         """`stamps_ns` (any shape) in seconds since the first stamp."""
-        return np.asarray((stamps_ns - self.stamps_ns[0]) / 1e9)
+        return np.asarray((stamps_ns - self.stamps_ns[0]) / SECOND_NS)

@@ -2,9 +2,7 @@
 
 import os
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -12,19 +10,11 @@ from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
 from wayfi.recordings.simulation.worlds import World
 
 os.environ["RERUN_ANALYTICS"] = "0"
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import Simulated, replay_by_cli, simulated
-from loopback import Authority, secret
+sys.path.insert(0, str(Path(__file__).parent))  # import benchmarks.soak
+sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+from drives import Replayed, Simulated, replay_by_cli, simulated
+from live.loopback import Authority, secret
 from places import REAL_DATA
-
-
-@dataclass(frozen=True, slots=True)
-class Replayed:
-    """A recording, the folder of its replay, and the report."""
-
-    simulated: SimulatedRecording
-    out: Path
-    report: dict[str, Any]
 
 
 @pytest.fixture(scope="session")

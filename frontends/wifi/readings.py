@@ -14,7 +14,7 @@ from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.odometry.driven_path import PathPoint
 
 LOWEST_DBM, HIGHEST_DBM = -120.0, 0.0  # thermal noise in 20 MHz is -101 dBm; 1 m from 100 mW it is -20
-_BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
+BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,7 @@ def usable_readings(scan: WifiScan) -> tuple[Readings, list[DropReason]]:
     usable: dict[str, tuple[float, float]] = {}
     dropped = []
     for bssid, rssi, age in zip(scan.bssids, scan.rssi.tolist(), scan.age_s.tolist(), strict=True):
-        if not _BSSID.fullmatch(bssid):
+        if not BSSID.fullmatch(bssid):
             dropped.append(DropReason.MALFORMED_BSSID)
         elif not LOWEST_DBM <= rssi <= HIGHEST_DBM:
             dropped.append(DropReason.ABSURD_RSSI)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Writes or overwrites `path`; a reader never sees a part of `data`. Raises OSError, which names `path`."""
+    """Write or overwrite `path`; a reader never sees a part of `data`. Raises OSError, which names `path`."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         temporary.write_bytes(data)
@@ -19,5 +19,5 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes `text` as UTF-8, line ends unchanged, as `write_bytes` does. Raises OSError."""
+    """Write `text` as UTF-8, line ends unchanged, as `write_bytes` does. Raises OSError."""
     write_bytes(path, text.encode())

@@ -40,7 +40,7 @@ def _inline(**values: float) -> InlineTable:
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Writes calibration.toml. Raises OSError."""
+    """Write calibration.toml. Raises OSError."""
     write_text(path, calibration_toml(calibration))
 
 

@@ -13,7 +13,7 @@ from wayfi.recordings.files.atomic_files import write_text
 
 
 def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration: Floats) -> None:
-    """Writes the keyframes' `poses` (n, 3), T_map_base, and the `factors` between them. Raises OSError.
+    """Write the keyframes' `poses` (n, 3), T_map_base, and the `factors` between them. Raises OSError.
 
     A wheel factor is written with the motion that `calibration` (4,) gives. g2o expects the information matrix of an
     edge in the axes of its second pose.

@@ -18,7 +18,7 @@ UNKNOWN = 128
 
 
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
-    """Writes map.pgm, map.yaml and map.png, with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
+    """Write map.pgm, map.yaml and map.png, with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
     write_grid(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
     from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
 
@@ -26,7 +26,7 @@ def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m
 
 
 def write_grid(directory: Path, redrawn: GridRedrawn, config: MapConfig) -> None:
-    """Writes map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
+    """Write map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
     write_bytes(directory / "map.pgm", _pgm(_greys(redrawn.occupancy, config)))
     write_text(directory / "map.yaml", _yaml(redrawn, config))
 

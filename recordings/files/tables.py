@@ -63,7 +63,7 @@ class RadioPlace:
 
 
 def write_closures(path: Path, verdicts: Iterable[ClosureJudged]) -> None:
-    """Writes a row for each candidate, in order of appearance, with the last verdict on it. Raises OSError."""
+    """Write a row for each candidate, in order of appearance, with the last verdict on it. Raises OSError."""
     last = {verdict.closure: verdict for verdict in verdicts}
     _write_table(path, CLOSURE_COLUMNS, (_closure_fields(verdict) for verdict in last.values()))
 
@@ -95,7 +95,7 @@ def closure_row(verdict: ClosureJudged) -> ClosureRow:
 
 
 def write_radio(path: Path, places: Iterable[RadioPlace]) -> None:
-    """Writes a row for each reading, in the order given. Raises OSError."""
+    """Write a row for each reading, in the order given. Raises OSError."""
     _write_table(path, RADIO_COLUMNS, (fields for place in places for fields in _radio_fields(place)))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.trajectory import Floats, Stamps, Trajectory
 
@@ -19,7 +20,7 @@ class TrajectoryError(WayfiError):
 
 def seconds_text(stamp_ns: int) -> str:
     """`stamp_ns` in seconds, exactly, with 9 decimals."""
-    whole, fraction = divmod(abs(stamp_ns), 1_000_000_000)
+    whole, fraction = divmod(abs(stamp_ns), SECOND_NS)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{fraction:09d}"
 
 
@@ -29,7 +30,7 @@ def stamp_of(text: str) -> int:
     Raises ValueError for text that is not a number, and for stamps over 64 bits.
     """
     try:
-        stamp_ns = int((Decimal(text) * 1_000_000_000).to_integral_value())
+        stamp_ns = int((Decimal(text) * SECOND_NS).to_integral_value())
     except (InvalidOperation, OverflowError) as error:
         raise ValueError(f"{text!r} is no time in seconds") from error
     if not _INT64.min <= stamp_ns <= _INT64.max:
@@ -38,7 +39,7 @@ def stamp_of(text: str) -> int:
 
 
 def write_tum(path: Path, stamps_ns: Stamps, poses: Floats) -> None:
-    """Writes `poses` (n, 3) at `stamps_ns` (n,), all numbers with 9 decimals; stamps are exact. Raises OSError."""
+    """Write `poses` (n, 3) at `stamps_ns` (n,), all numbers with 9 decimals; stamps are exact. Raises OSError."""
     half = poses[:, 2] / 2
     columns = np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
     rounded = np.round(columns, 9) + 0.0  # + 0.0 turns -0.0 into 0.0
@@ -49,11 +50,11 @@ def write_tum(path: Path, stamps_ns: Stamps, poses: Floats) -> None:
     write_text(path, "".join(lines))
 
 
-def read_tum(path: Path) -> Trajectory:
+def read_tum(path: Path, *, may_be_empty: bool = False) -> Trajectory:
     """The trajectory in the file at `path`, sorted by time. Empty lines and lines that start with # are skipped.
 
     z, roll and pitch are ignored. Raises TrajectoryError for an unreadable file, a line that is not eight finite
-    numbers, and a file without poses.
+    numbers, and a file without poses unless it `may_be_empty`.
     """
     stamps: list[int] = []
     rows: list[list[float]] = []
@@ -66,11 +67,11 @@ def read_tum(path: Path) -> Trajectory:
             rows.append(_position_and_quaternion(rest))
         except ValueError as error:
             raise TrajectoryError(f"{path}, line {number}: not `t x y z qx qy qz qw` ({error})") from error
-    if not rows:
+    if not rows and not may_be_empty:
         raise TrajectoryError(f"{path}: no pose in it; a TUM trajectory has `t x y z qx qy qz qw` on each line")
-    values, stamps_ns = np.array(rows), np.array(stamps, np.int64)
+    values, stamps_ns = np.array(rows, float).reshape(-1, 7), np.array(stamps, np.int64)
     order = np.argsort(stamps_ns, kind="stable")
-    return Trajectory(stamps_ns[order], np.c_[values[:, :2], _yaw(values[:, 3:])][order])
+    return Trajectory(stamps_ns[order], np.c_[values[:, :2], _theta(values[:, 3:])][order])
 
 
 def _read(path: Path) -> str:
@@ -92,7 +93,7 @@ def _position_and_quaternion(words: list[str]) -> list[float]:
     return values
 
 
-def _yaw(xyzw: Floats) -> NDArray[np.float64]:
-    """(n,) yaw of (n, 4) quaternions, which need not be normalised."""
+def _theta(xyzw: Floats) -> NDArray[np.float64]:
+    """(n,) theta (rad) of (n, 4) quaternions, which need not be normalised."""
     x, y, z, w = xyzw.T
     return np.asarray(np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))

@@ -177,7 +177,7 @@ class McapIndex:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
 
     def _count_by_reading(self) -> None:
-        """Reads every block once, in file order, so that all channels are known before messages are read again."""
+        """Read every block once, in file order, so that all channels are known before messages are read again."""
         readable = []
         for block in self.blocks:
             records = self.records(block)

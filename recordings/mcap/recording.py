@@ -7,6 +7,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.mcap.index import McapIndex
 
@@ -69,7 +70,7 @@ class Recording:
     @property
     def duration_s(self) -> float:
         """Seconds from the first log time to the last."""
-        return (self.end_ns - self.start_ns) / 1e9
+        return (self.end_ns - self.start_ns) / SECOND_NS
 
     def attachments(self) -> dict[str, bytes]:
         """The attachments by name; the last of several with the same name."""
@@ -141,7 +142,7 @@ def _in_file_order(parts: list[McapIndex]) -> Iterator[Record]:
 
 
 def _in_log_time_order(parts: list[McapIndex]) -> Iterator[Record]:
-    """Merges the blocks by log time. Only blocks that overlap in time are in memory together."""
+    """Merge the blocks by log time. Only blocks that overlap in time are in memory together."""
     waiting = deque(sorted(_starts(parts), key=lambda start: start[:3]))
     merging: list[tuple[int, int, int, int, list[Record]]] = []
     while waiting or merging:

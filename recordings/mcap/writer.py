@@ -36,22 +36,22 @@ class McapWriter(Closing):
         return self._file.tell()
 
     def write(self, topic: str, type_name: str, encoding: str, log_time_ns: int, data: bytes) -> None:
-        """Adds a message. The first message of a topic also writes its schema and channel."""
+        """Add a message. The first message of a topic also writes its schema and channel."""
         channel = self._channel(topic, type_name, encoding)
         sequence = self._sequences.get(channel, 0)
         self._sequences[channel] = sequence + 1
         self._writer.add_message(channel, log_time_ns, data, publish_time=log_time_ns, sequence=sequence)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
-        """Adds an attachment without a date."""
+        """Add an attachment without a date."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def flush(self) -> None:
-        """Ends the open chunk and passes all data to the operating system; a kill of the process no longer loses it."""
+        """End the open chunk and pass all data to the operating system; a kill of the process no longer loses it."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        """Writes the index and closes the file. A second call does nothing."""
+        """Write the index and close the file. A second call does nothing."""
         if not self._file.closed:
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()

@@ -53,20 +53,20 @@ class LogProcess:
         self._send([part])
 
     def log(self, event: Event) -> None:
-        """Shows `event`."""
+        """Show `event`."""
         self._add(event)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Shows how many seconds each stage took."""
+        """Show how many seconds each stage took."""
         self._add(dict(durations))
 
     def begin(self, part: Part) -> None:
-        """Finishes the current file and continues in that of `part`."""
+        """Finish the current file and continue in that of `part`."""
         self.flush()
         self._send([part])
 
     def flush(self) -> None:
-        """Sends the messages of the incomplete batch."""
+        """Send the messages of the incomplete batch."""
         if self._batch:
             self._send(self._batch)
             self._batch = []
@@ -77,7 +77,7 @@ class LogProcess:
         return self._pickles.full()
 
     def close(self) -> None:
-        """Waits until everything is in the file, and ends the process."""
+        """Wait until everything is in the file, and end the process."""
         if self._stderr.closed:
             return
         self.flush()
@@ -94,7 +94,7 @@ class LogProcess:
         self._pickles.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
 
     def _write(self) -> None:
-        """Writes queued pickles to the process; discards them once the process has ended."""
+        """Write queued pickles to the process; discard them once the process has ended."""
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError), self._process.stdin as pipe:
             while (data := self._pickles.get()) is not None:
@@ -105,7 +105,7 @@ class LogProcess:
             pass
 
     def _end(self) -> None:
-        """Waits for the process to end. Raises LogProcessError with its last line on stderr if it failed."""
+        """Wait for the process to end. Raises LogProcessError with its last line on stderr if it failed."""
         if self._stderr.closed:
             return
         self._pickles.put(None)

@@ -13,7 +13,7 @@ from wayfi.recordings.rerun.rerun_log import RerunLog
 
 
 def _serve() -> None:
-    """Logs the messages from standard input until it ends."""
+    """Log the messages from standard input until it ends."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     source = sys.stdin.buffer
@@ -33,7 +33,7 @@ class _Logs:
         self._live: Log | None = None
 
     def add(self, message: Part | Event | dict[str, float]) -> None:
-        """Shows an event or durations, or begins the next file."""
+        """Show an event or durations, or begin the next file."""
         if isinstance(message, Part):
             self._begin(message)
             return
@@ -44,7 +44,7 @@ class _Logs:
                 log.log(message)
 
     def close(self) -> None:
-        """Finishes both logs."""
+        """Finish both logs."""
         self._file.close()
         if self._live is not None:
             self._live.close()

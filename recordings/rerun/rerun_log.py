@@ -15,7 +15,7 @@ from wayfi.frontends.events import (
 )
 from wayfi.recordings.rerun.blueprint import blueprint
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, flip_y
+from wayfi.recordings.rerun.stream import RerunStream, flip_y
 from wayfi.recordings.rerun.views.backend import BackendView
 from wayfi.recordings.rerun.views.check import CheckView
 from wayfi.recordings.rerun.views.closures import ClosuresView
@@ -39,7 +39,7 @@ class RerunLog:
     def __init__(
         self, config: RerunConfig, path: Path | None, serve: bool = False, recording_id: str = "wayfi"
     ) -> None:
-        self._stream = stream = Stream(recording_id)
+        self._stream = stream = RerunStream(recording_id)
         stream.open(config, path, serve, blueprint())
         stream.log_static("/map", flip_y())
         self._poses = poses = Poses()
@@ -58,17 +58,17 @@ class RerunLog:
         )
 
     def log(self, event: Event) -> None:
-        """Shows `event`."""
+        """Show `event`."""
         self._update_time_and_poses(event)
         for draw in self._handlers[type(event)]:
             draw(event)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Shows how many seconds each stage took, at the time of the last event."""
+        """Show how many seconds each stage took, at the time of the last event."""
         self._backend.log_durations(durations)
 
     def close(self) -> None:
-        """Shows the last grid and the totals of drops, then finishes the file."""
+        """Show the last grid and the totals of drops, then finish the file."""
         self._grid.draw_last()
         self._text.log_totals()
         self._stream.close()

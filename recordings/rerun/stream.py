@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
 
@@ -23,7 +24,7 @@ class LogError(WayfiError):
     """The Rerun log cannot be written or served."""
 
 
-class Stream:
+class RerunStream:
     """Logs at the time `stamp_ns` and `keyframe`, which its owner sets. It may be closed from another thread."""
 
     def __init__(self, recording_id: str) -> None:
@@ -34,7 +35,7 @@ class Stream:
         self._recording.set_log_time_enabled(False)
 
     def open(self, config: RerunConfig, path: Path | None, serve: bool, blueprint: rrb.Blueprint) -> None:
-        """Opens the file `path` if given, and with `serve` a server on 127.0.0.1. Raises LogError if one fails."""
+        """Open the file `path` if given, and with `serve` a server on 127.0.0.1. Raises LogError if one fails."""
         sinks: list[Any] = [] if path is None else [rr.FileSink(path)]
         try:
             if serve:
@@ -43,20 +44,20 @@ class Stream:
                 sinks.append(rr.GrpcServerSink(bind_ip="127.0.0.1", port=config.port, server_memory_limit=limit))
             self._recording.set_sinks(*sinks, default_blueprint=blueprint)
         except (OSError, RuntimeError, ValueError) as error:
-            served = f", or serve it on 127.0.0.1:{config.port}" if serve else ""
-            raise LogError(f"cannot write the log {path}{served}: {error}: change --out or rerun.port") from error
+            served = f", or serve it on 127.0.0.1:{config.port} (see rerun.port)" if serve else ""
+            raise LogError(f"cannot write the log {path}{served}: {error}") from error
 
     def log(self, path: str, *parts: rr.AsComponents) -> None:
-        """Logs `parts` at the entity `path` and the current time."""
+        """Log `parts` at the entity `path` and the current time."""
         self._set_time()
         self._recording.log(path, *parts)
 
     def log_static(self, path: str, *parts: rr.AsComponents) -> None:
-        """Logs `parts` that are the same at all times, such as colours, widths and names."""
+        """Log `parts` that are the same at all times, such as colours, widths and names."""
         self._recording.log(path, *parts, static=True)
 
     def close(self) -> None:
-        """Finishes the file and the server."""
+        """Finish the file and the server."""
         self._recording.flush()
         self._recording.disconnect()
 
@@ -69,7 +70,7 @@ class Stream:
 
 
 def _require_free(port: int) -> None:
-    """Raises OSError if `port` is in use; Rerun itself would only print it."""
+    """Raise OSError if `port` is in use; Rerun itself would only print it."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind(("127.0.0.1", port))
@@ -79,7 +80,7 @@ class Limiter:
     """Limits a rate to `hz`, in the time of the recording."""
 
     def __init__(self, hz: float) -> None:
-        self._interval_ns = round(1e9 / hz)
+        self._interval_ns = round(SECOND_NS / hz)
         self._next_ns: int | None = None
 
     def passes(self, stamp_ns: int) -> bool:

@@ -7,7 +7,7 @@ from wayfi.recordings.rerun.viewer_process import HOST, ViewerError, free_port, 
 
 
 def view(path: Path, web: bool = False) -> None:
-    """Shows a log: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest is shown).
+    """Show a log: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest is shown).
 
     Blocks until the viewer ends; Ctrl-C ends it. With `web`, serves the web viewer on 127.0.0.1 and prints its address.
     Raises ViewerError if there is no log or the viewer fails.

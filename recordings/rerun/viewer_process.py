@@ -21,7 +21,7 @@ class ViewerError(WayfiError):
 def viewer_process(
     arguments: list[str], environment: dict[str, str] | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Runs `rerun --bind 127.0.0.1 ARGUMENTS` during the block; then ends it and its child processes.
+    """Run `rerun --bind 127.0.0.1 ARGUMENTS` during the block; then end it and its child processes.
 
     Raises ViewerError if it cannot start. `CI` in the environment turns Rerun's analytics off without a change of the
     user's configuration.

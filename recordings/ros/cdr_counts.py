@@ -14,7 +14,7 @@ _HEIGHT_WIDTH_BYTES = 8
 
 
 def check_entries(data: bytes, sensor: Sensor) -> None:
-    """Raises CodecError for too many transforms or point fields, struct.error if `data` is too short."""
+    """Raise CodecError for too many transforms or point fields, struct.error if `data` is too short."""
     if sensor is Sensor.TF_STATIC:
         check_count("transforms", _uint32_at(data, 0), MAX_TRANSFORMS)
     elif sensor is Sensor.POINTS:

@@ -39,7 +39,6 @@ TYPE_OF_SENSOR = MappingProxyType(
         Sensor.TF_STATIC: TF_MESSAGE,
     }
 )
-NS_PER_S = 1_000_000_000
 # (9,) indices of the rows and columns (x, y, theta) of a 6 x 6 covariance in the (36,) array of a message.
 PLANAR_INDICES = np.array([6 * row + column for row in (0, 1, 5) for column in (0, 1, 5)])
 DEFAULT_TOPICS = MappingProxyType({sensor: f"/{sensor}" for sensor in Sensor})

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
-LONGEST_SWEEP_S = 1.0
+SLOWEST_SWEEP_S = 1.0  # 3D LiDARs turn at 5 Hz and more; a longer span of times is in a smaller unit
 LARGEST_OFFSET_S = 1.0  # from a cloud's stamp to its first point; larger offsets mean another clock
 
 
@@ -22,7 +22,7 @@ def seconds_after_stamp(times: NDArray[Any], stamp_ns: int) -> NDArray[np.float3
         return None
     first, last = times[finite].min(), times[finite].max()
     span = float(last) - float(first)
-    unit_s = next((unit for unit in UNITS_S if span * unit <= LONGEST_SWEEP_S), None)
+    unit_s = next((unit for unit in UNITS_S if span * unit <= SLOWEST_SWEEP_S), None)
     if unit_s is None or span == 0.0:
         return None
     elapsed = np.where(finite, times - first, 0).astype(np.float64) * unit_s

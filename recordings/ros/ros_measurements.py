@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.measurements import (
+    SECOND_NS,
     LaserScan,
     Measurement,
     Odometry,
@@ -19,7 +20,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.ros.codec_error import CodecError
-from wayfi.recordings.ros.messages import NS_PER_S, PLANAR_INDICES
+from wayfi.recordings.ros.messages import PLANAR_INDICES
 from wayfi.recordings.ros.point_layout import points_of_cloud
 from wayfi.recordings.ros.point_times import seconds_after_stamp
 
@@ -41,9 +42,9 @@ def to_measurement(message: Message, sensor: Sensor) -> Measurement:
 
 def stamp_ns_of(sec: int, nanosec: int) -> int:
     """The nanoseconds of a ROS time. Raises CodecError for a negative time or nanosec >= 1e9."""
-    if sec < 0 or nanosec >= NS_PER_S:
+    if sec < 0 or nanosec >= SECOND_NS:
         raise CodecError(f"stamp of {sec} s and {nanosec} ns is out of range")
-    return sec * NS_PER_S + nanosec
+    return sec * SECOND_NS + nanosec
 
 
 def wifi_scan(
@@ -61,13 +62,13 @@ def wifi_scan(
 
 
 def check_count(what: str, count: int, limit: int) -> None:
-    """Raises CodecError if `count` is over `limit`."""
+    """Raise CodecError if `count` is over `limit`."""
     if count > limit:
         raise CodecError(f"{count} {what} in one message; the limit is {limit}")
 
 
 def check_name(name: str) -> str:
-    """Returns `name`, of a frame or a receiver. Raises CodecError if it is longer than `MAX_NAME`."""
+    """Return `name`, of a frame or a receiver. Raises CodecError if it is longer than `MAX_NAME`."""
     if len(name) > MAX_NAME:
         raise CodecError(f"a name of {len(name)} letters; the limit is {MAX_NAME}")
     return name

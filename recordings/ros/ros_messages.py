@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
+    SECOND_NS,
     LaserScan,
     Measurement,
     Odometry,
@@ -19,7 +20,6 @@ from wayfi.frontends.measurements import (
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.messages import (
     LASER_SCAN,
-    NS_PER_S,
     ODOMETRY,
     PLANAR_INDICES,
     POINT_CLOUD,
@@ -47,9 +47,9 @@ def new_message(type_name: str, *values: Any) -> Message:  # noqa: ANN401 - each
 
 def header(stamp_ns: int, frame_id: str) -> Message:
     """A std_msgs/Header. Raises CodecError if a ROS time cannot hold `stamp_ns`."""
-    if not 0 <= stamp_ns < 2**31 * NS_PER_S:
+    if not 0 <= stamp_ns < 2**31 * SECOND_NS:
         raise CodecError(f"stamp of {stamp_ns} ns is out of the range of a ROS time")
-    time = new_message("builtin_interfaces/msg/Time", *divmod(stamp_ns, NS_PER_S))
+    time = new_message("builtin_interfaces/msg/Time", *divmod(stamp_ns, SECOND_NS))
     return new_message("std_msgs/msg/Header", time, frame_id)
 
 

@@ -7,7 +7,10 @@ from enum import StrEnum
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor_of_type
 
-CONTROL_TOPIC = "/wayfi/marks"  # of a black box: what the daemon did between two messages
+# The control records of a black box: what the daemon did between two messages. The names are older than the term, and
+# stay so that black boxes written before can be replayed.
+CONTROL_TOPIC = "/wayfi/marks"
+CONTROL_TYPE = "wayfi/Mark"
 
 
 class Encoding(StrEnum):

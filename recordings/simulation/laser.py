@@ -166,7 +166,7 @@ def _draw_all(
 
 @njit(cache=True)
 def _aim(cos_b: Floats, sin_b: Floats, turn: float, directions: Floats) -> None:
-    """Fills `directions` with the unit vectors of the beams, in the laser's frame at the first beam.
+    """Fill `directions` with the unit vectors of the beams, in the laser's frame at the first beam.
 
     The laser turns by `turn` (rad) until the last beam. The angles are added by rotation, so that without a turn the
     directions are exactly `cos_b`, `sin_b`.
@@ -184,7 +184,7 @@ def _draw(
     angle_min: float, increment: float, directions: Floats,
     index: int, range_m: Floats, incidence: Floats, face: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Renders the face from (x1, y1) to (x2, y2), in the laser's frame at the first beam, where it is the nearest.
+    """Render the face from (x1, y1) to (x2, y2), in the laser's frame at the first beam, where it is the nearest.
 
     Until the last beam, the laser moves by (past_x, past_y) relative to the face, and turns by `turn`.
     """

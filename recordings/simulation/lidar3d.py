@@ -101,7 +101,7 @@ def _draw_all(
     ends: Floats, velocity_xy: Floats, heights_m: Floats,
     poses: Floats, along_x: Floats, along_y: Floats, slopes: Floats, out: Floats,
 ) -> None:  # fmt: skip
-    """Reduces `out` where a face is nearer: `ends` (n, 4) at the first column, moving by `velocity_xy`."""
+    """Reduce `out` where a face is nearer: `ends` (n, 4) at the first column, moving by `velocity_xy`."""
     for i in range(len(ends)):
         first, count = _columns_of(ends[i], velocity_xy[i], poses)
         for step in range(count):

@@ -160,23 +160,23 @@ def _addresses(networks: NDArray[np.int64], rng: np.random.Generator) -> tuple[s
 
 
 @dataclass(frozen=True, slots=True)
-class Receiver:
+class SimulatedReceiver:
     """A WiFi receiver: its name, and the offset (dB) of its readings."""
 
     name: str
     offset_db: float
 
 
-def draw_receivers(rng: np.random.Generator) -> tuple[Receiver, ...]:
+def draw_receivers(rng: np.random.Generator) -> tuple[SimulatedReceiver, ...]:
     """The receivers on the robot, two phones with opposite offsets."""
     apart_db = rng.choice([-1.0, 1.0]) * rng.uniform(*OFFSET_DIFFERENCE_DB)
     offsets = np.array([-0.5, 0.5]) * apart_db
-    return tuple(Receiver(name, float(offset)) for name, offset in zip(PHONES, offsets, strict=True))
+    return tuple(SimulatedReceiver(name, float(offset)) for name, offset in zip(PHONES, offsets, strict=True))
 
 
 def wifi_scan(
     environment: RadioEnvironment,
-    receiver: Receiver,
+    receiver: SimulatedReceiver,
     stamp_ns: int,
     time_s: float,
     poses: Callable[[Floats], Floats],

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wayfi.frontends.measurements import (
+    SECOND_NS,
     LaserScan,
     Measurement,
     Odometry,
@@ -55,7 +56,7 @@ def simulate(
     rough: bool = True,
     points: bool = False,
 ) -> SimulatedRecording:
-    """Writes recording.mcap, and truth.tum with base_link at each odometry stamp, into the folder `out_dir`.
+    """Write recording.mcap, and truth.tum with base_link at each odometry stamp, into the folder `out_dir`.
 
     The drive through `world` is cut after `minutes` (None: full length); `rough` is described at Run. With `points`,
     the robot has a 3D LiDAR instead of the planar one. The same arguments give the same bytes. `progress` is called
@@ -67,11 +68,11 @@ def simulate(
     recording, truth = out_dir / "recording.mcap", out_dir / "truth.tum"
     write_tum(truth, run.truth.stamps_ns, run.truth.poses)
     messages = _write(run, spatial_measurements(run) if points else measurements(run), recording, progress)
-    return SimulatedRecording(recording, truth, run.length_ns / 1e9, float(run.truth.path_m()[-1]), messages)
+    return SimulatedRecording(recording, truth, run.length_ns / SECOND_NS, float(run.truth.path_m()[-1]), messages)
 
 
 def _write(run: Run, received: Iterator[Measurement], path: Path, progress: Callable[[float], None]) -> int:
-    """Writes the measurements `received` in `run` to `path`; returns their number."""
+    """Write the measurements `received` in `run` to `path`; returns their number."""
     count, next_report_ns = 0, EPOCH_NS
     with McapWriter(path) as writer:
         for measurement in received:
@@ -82,6 +83,6 @@ def _write(run: Run, received: Iterator[Measurement], path: Path, progress: Call
             count += 1
             if measurement.stamp_ns >= next_report_ns:
                 progress((measurement.stamp_ns - EPOCH_NS) / run.length_ns)
-                next_report_ns += 1_000_000_000
+                next_report_ns += SECOND_NS
     progress(1.0)
     return count

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2, compose_all
 from wayfi.frontends.measurements import (
+    SECOND_NS,
     LaserScan,
     Measurement,
     Odometry,
@@ -56,7 +57,7 @@ class Run:
     laser: laser.LaserSpec
     wheels: wheels.WheelErrors
     environment: radio.RadioEnvironment
-    receivers: tuple[radio.Receiver, ...]
+    receivers: tuple[radio.SimulatedReceiver, ...]
     truth: Trajectory
 
 
@@ -64,7 +65,7 @@ def start(world: World, seed: int, minutes: float | None = None, rough: bool = T
     """The run through `world` with `seed`, cut after `minutes` (None: full length), rough or ideal."""
     blueprint = BLUEPRINTS[world]
     motion = drive(blueprint.route, stream(seed, "drive"))
-    length_ns = int(min(motion.duration_s, np.inf if minutes is None else minutes * 60) * 1e9)
+    length_ns = int(min(motion.duration_s, np.inf if minutes is None else minutes * 60) * SECOND_NS)
     stamps = EPOCH_NS + np.arange(0, length_ns + 1, ODOM_PERIOD_NS)
     return Run(
         seed,
@@ -115,7 +116,7 @@ def odometry(run: Run) -> Iterator[Odometry]:
     """The wheel odometry."""
     truth = run.truth.poses
     slips = wheels.draw_slips(truth, stream(run.seed, "slips")) if run.rough else wheels.no_slips(len(truth) - 1)
-    poses = wheels.odometry(truth, ODOM_PERIOD_NS / 1e9, run.wheels, slips, stream(run.seed, "odometry"))
+    poses = wheels.odometry(truth, ODOM_PERIOD_NS / SECOND_NS, run.wheels, slips, stream(run.seed, "odometry"))
     for stamp_ns, pose in zip(run.truth.stamps_ns.tolist(), poses, strict=True):
         yield Odometry(stamp_ns, Pose2.of(pose))
 
@@ -157,10 +158,12 @@ def wifi_scans(run: Run) -> Iterator[WifiScan]:
     return heapq.merge(*(_received(run, receiver, delay_ns) for receiver, delay_ns in receivers), key=_stamp_ns)
 
 
-def _received(run: Run, receiver: radio.Receiver, delay_ns: int) -> Iterator[WifiScan]:
+def _received(run: Run, receiver: radio.SimulatedReceiver, delay_ns: int) -> Iterator[WifiScan]:
     rng = stream(run.seed, receiver.name)
     for stamp_ns in range(EPOCH_NS + delay_ns, EPOCH_NS + run.length_ns + 1, WIFI_PERIOD_NS):
-        yield radio.wifi_scan(run.environment, receiver, stamp_ns, (stamp_ns - EPOCH_NS) / 1e9, run.drive.poses, rng)
+        yield radio.wifi_scan(
+            run.environment, receiver, stamp_ns, (stamp_ns - EPOCH_NS) / SECOND_NS, run.drive.poses, rng
+        )
 
 
 def _stamp_ns(measurement: Measurement) -> int:
@@ -169,4 +172,4 @@ def _stamp_ns(measurement: Measurement) -> int:
 
 def _seconds(stamps_ns: Stamps) -> NDArray[np.float64]:
     """Seconds from the start of the drive."""
-    return np.asarray((stamps_ns - EPOCH_NS) / 1e9)
+    return np.asarray((stamps_ns - EPOCH_NS) / SECOND_NS)

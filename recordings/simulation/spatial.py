@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Iterator
 
 from wayfi.backend.pose2 import Pose2, compose_all
-from wayfi.frontends.measurements import Measurement, PointCloud
+from wayfi.frontends.measurements import SECOND_NS, Measurement, PointCloud
 from wayfi.recordings.simulation import lidar3d
 from wayfi.recordings.simulation.run import EPOCH_NS, Run, mount, odometry, stream, wifi_scans
 
@@ -29,7 +29,7 @@ def clouds(run: Run) -> Iterator[PointCloud]:
     rng = stream(run.seed, "lidar3d")
     heights_m = lidar3d.heights(run.surfaces)
     for since_ns in range(DELAY_NS, run.length_ns + 1 - PERIOD_NS, PERIOD_NS):
-        start_s = since_ns * 1e-9
+        start_s = since_ns / SECOND_NS
         poses = compose_all(run.drive.poses(lidar3d.column_times(start_s)), T_BASE_LIDAR.array())
         points, time_s = lidar3d.sweep(run.surfaces, heights_m, poses, start_s, rng)
         yield PointCloud(EPOCH_NS + since_ns, FRAME, points, time_s)

@@ -5,13 +5,14 @@ from contextlib import suppress
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
 from wayfi.recordings.mcap.recording import BLACKBOX_PROFILE
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
-from wayfi.recordings.ros.topics import CONTROL_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, CONTROL_TYPE
 from wayfi.service.blackbox.disk import MIB
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive.control_records import ControlRecord
@@ -43,7 +44,7 @@ class BlackBox(Closing):
         """Write a message that is about to be fed, or a control record."""
         self._unflushed = True
         if isinstance(item, ControlRecord):
-            self._writer.write(CONTROL_TOPIC, "wayfi/Mark", "json", self._log_time_ns(time.monotonic()), item.to_json())
+            self._writer.write(CONTROL_TOPIC, CONTROL_TYPE, "json", self._log_time_ns(time.monotonic()), item.to_json())
         else:
             topic, type_name = self._topics[item.sensor], TYPE_OF_SENSOR[item.sensor]
             log_time_ns = self._log_time_ns(item.received_s)
@@ -87,4 +88,4 @@ class BlackBox(Closing):
         self.flush()
 
     def _log_time_ns(self, monotonic_s: float) -> int:
-        return round((monotonic_s + self._wall_ahead_s) * 1e9)
+        return round((monotonic_s + self._wall_ahead_s) * SECOND_NS)

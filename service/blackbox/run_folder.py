@@ -97,7 +97,7 @@ def _settings(config: Config, calibration: Calibration | None) -> str:
 
 
 def _lock(folder: Path) -> int | None:
-    """Locks the folder for this process; returns the file descriptor, None where another process holds the lock."""
+    """Lock the folder for this process; returns the file descriptor, None where another process holds the lock."""
     file = os.open(folder / RUNNING, os.O_RDWR)
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -13,7 +13,7 @@ from wayfi.service.replay.replay import ReplayOptions, replay
 
 
 def run_demo(out: Path, minutes: float, output: Output) -> None:
-    """Simulates `minutes` of the car park into `out`, replays them into `out`/replay, and prints the scores."""
+    """Simulate `minutes` of the car park into `out`, replay them into `out`/replay, and print the scores."""
     with output.progress("simulate the car park") as progress:
         made = simulate(World.CARPARK, out, 0, minutes, progress)
     results = out / "replay"

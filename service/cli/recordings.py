@@ -66,7 +66,7 @@ def simulate(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Make a recording of a simulated robot, and its true trajectory beside it."""
+    """Make a recording of a simulated robot, and its true trajectory."""
     with command_output(quiet, as_json) as output:
         from wayfi.recordings.simulation.recorder import simulate
         from wayfi.recordings.simulation.worlds import World

@@ -35,11 +35,11 @@ def reproduce(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Run the paper's Algorithm 1 as written, and print its tables beside the streaming result."""
+    """Run the paper's Algorithm 1 as written, and print its tables next to the streaming result."""
     if (recording is None) != (truth is None):
         raise typer.BadParameter("--recording and --truth go together: give both or neither")
     if recording is not None and minutes is not None:
-        raise typer.BadParameter("--minutes cuts the simulated drive; a recording is taken whole")
+        raise typer.BadParameter("--minutes cuts the simulated drive; a recording is used whole")
     with command_output(quiet, as_json) as output:
         from wayfi.service.reproduction.command import reproduce, simulate_carpark
 

@@ -10,7 +10,7 @@ from wayfi.service.process.console import Output
 
 
 def print_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
-    """Prints the report of a replay."""
+    """Print the report of a replay."""
     speed = report["recording_s"] / max(report["wall_s"], 1e-9)
     seconds, wall = report["recording_s"], report["wall_s"]
     output.say(f"{seconds:.0f} s replayed in {wall:.1f} s ({speed:.0f} times real time): {out}")
@@ -23,7 +23,7 @@ def print_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
 
 
 def print_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> None:
-    """Prints the scores of a replay."""
+    """Print the scores of a replay."""
     figures = evaluation.to_dict()
     rows = [
         [name, *(f"{figures[name][key]:.3f}" for key in ("ate_rmse_m", "ate_median_m", "ate_max_m"))]
@@ -40,7 +40,7 @@ def print_evaluation(output: Output, directory: Path, evaluation: Evaluation) ->
 
 
 def print_inspection(output: Output, inspection: Inspection) -> None:
-    """Prints the contents of a recording."""
+    """Print the contents of a recording."""
     output.say(f"{inspection.path}: {inspection.duration_s:.1f} s, {inspection.message_count} messages")
     rows = [
         [

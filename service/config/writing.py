@@ -26,7 +26,7 @@ def config_dict(section: Any) -> dict[str, Any]:  # noqa: ANN401 - any section
 
 
 def _add_section(table: Container | Table, section: Any, explain: bool) -> None:  # noqa: ANN401 - any section
-    """Adds the values of `section` to `table`, then its inner sections as tables of their own."""
+    """Add the values of `section` to `table`, then its inner sections as tables of their own."""
     values = {f.name: getattr(section, f.name) for f in fields(section)}
     for f in fields(section):
         if not is_dataclass(values[f.name]):

@@ -1,1 +1,1 @@
-"""The daemon: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
+"""The daemon: Zenoh in, the live pose out at once, the estimation in a process of its own."""

@@ -1,4 +1,4 @@
-"""The daemon: Zenoh in, the live pose out at once, the estimation beside it in a process of its own."""
+"""The daemon: Zenoh in, the live pose out at once, the estimation in a process of its own."""
 
 import time
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.subscribers import Subscribers
 
 DRAIN_S = 3.0  # of the ten seconds between the signal and the last file
-FINISH_S = 60.0
+FINISH_S = 60.0  # the results of a long drive on a busy machine; a service manager that waits less kills the run
 
 
 class Daemon:
@@ -56,7 +56,7 @@ class Daemon:
                 self._serve(subscribed)
             if self._stop.requested:
                 self._manager.stopping()
-            if loop.machine.state is not DaemonState.LOST:
+            if loop.machine.state is not DaemonState.ABANDONED:
                 self._log.info("stopping", signal=self._stop.name or "reset", waiting=len(loop.inbox))
                 self._drain()
                 self._finish()
@@ -95,17 +95,17 @@ class Daemon:
             self._loop.handler.execute(command)
 
     def _drain(self) -> None:
-        """Publish and feed what waits, for at most `DRAIN_S`; drop the rest."""
+        """Feed what waits, with its poses published if the run is DRAINING, for at most `DRAIN_S`; drop the rest."""
         loop, deadline_s = self._loop, time.monotonic() + DRAIN_S
-        while self._is_draining() and time.monotonic() < deadline_s:
+        while self._can_feed() and time.monotonic() < deadline_s:
             self._step()
         loop.inbox.drop_messages()
         loop.backlog.drop_messages()
         if loop.machine.state is DaemonState.DRAINING:
             loop.machine.change(DaemonState.FINISHING)
 
-    def _is_draining(self) -> bool:
-        """Whether something waits that can be fed: messages in the inbox only after the run was running."""
+    def _can_feed(self) -> bool:
+        """Whether something waits that can be fed: the backlog, and the inbox of a run that is DRAINING."""
         loop = self._loop
         return bool(loop.backlog) or (loop.machine.state is DaemonState.DRAINING and bool(loop.inbox))
 

@@ -15,9 +15,9 @@ class DaemonState(StrEnum):
     RECOVERING = "recovering"  # messages wait until the estimate of the drive so far is known
     RUNNING = "running"  # poses are published and messages fed
     DRAINING = "draining"  # the end was requested: nothing more is received, what waits is published and fed
-    FINISHING = "finishing"  # messages that still wait are dropped, the results are written
+    FINISHING = "finishing"  # no pose is published any more; what the backlog holds is fed, the results are written
     STOPPED = "stopped"  # the results are written
-    LOST = "lost"  # the estimation ends each time on this drive: there are no results
+    ABANDONED = "abandoned"  # the estimation ends each time on this drive: there are no results
 
     @property
     def serving(self) -> bool:
@@ -27,12 +27,12 @@ class DaemonState(StrEnum):
 
 TRANSITIONS: Mapping[DaemonState, frozenset[DaemonState]] = {
     DaemonState.STARTING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING}),
-    DaemonState.RECOVERING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING, DaemonState.LOST}),
-    DaemonState.RUNNING: frozenset({DaemonState.RECOVERING, DaemonState.DRAINING, DaemonState.LOST}),
+    DaemonState.RECOVERING: frozenset({DaemonState.RUNNING, DaemonState.FINISHING, DaemonState.ABANDONED}),
+    DaemonState.RUNNING: frozenset({DaemonState.RECOVERING, DaemonState.DRAINING, DaemonState.ABANDONED}),
     DaemonState.DRAINING: frozenset({DaemonState.FINISHING}),
     DaemonState.FINISHING: frozenset({DaemonState.STOPPED}),
     DaemonState.STOPPED: frozenset(),
-    DaemonState.LOST: frozenset(),
+    DaemonState.ABANDONED: frozenset(),
 }
 
 
@@ -48,7 +48,10 @@ class StateMachine:
         return self._state
 
     def request_end(self) -> None:
-        """Begin the end of a run that serves: one that runs is drained first. Nothing where the end has begun."""
+        """Begin the end of a run that serves; does nothing where the end has begun.
+
+        Only a run that is RUNNING is drained: before that no pose of the messages that wait could be published.
+        """
         if self._state.serving:
             self.change(DaemonState.DRAINING if self._state is DaemonState.RUNNING else DaemonState.FINISHING)
 

@@ -13,6 +13,8 @@ from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.publishers import Publishers
 
+ADOPTION_PAUSE = 4.0  # times the duration of an adoption: adopting uses a fifth of the loop's time at most
+
 
 class LivePublisher:
     """Publishes poses in the order of their stamps: one that is not newer than the last is left out."""
@@ -63,7 +65,7 @@ class LivePublisher:
     def adopt(self) -> int | None:
         """Base poses on the newest estimate and return its number; None where there is no newer one yet.
 
-        After an adoption the next has to wait for four times as long as it took, in which messages are handled.
+        After an adoption the next waits for `ADOPTION_PAUSE` times its duration, in which messages are handled.
         """
         estimate, now_s = self._newest, time.monotonic()
         if estimate is None or now_s < self._adopt_from_s:
@@ -72,5 +74,5 @@ class LivePublisher:
         for pose in self._live.adopt(estimate):
             self.publish(pose, now_s)
         end_s = time.monotonic()
-        self._adopt_from_s = end_s + 4 * (end_s - now_s)
+        self._adopt_from_s = end_s + ADOPTION_PAUSE * (end_s - now_s)
         return estimate.serial

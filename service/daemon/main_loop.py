@@ -203,7 +203,7 @@ class MainLoop(Closing):
             raise DaemonError("the estimation ends as soon as it is started")
         if self.machine.state is DaemonState.DRAINING:
             raise DaemonError("the estimation did not come to its end")
-        self.machine.change(DaemonState.LOST)
+        self.machine.change(DaemonState.ABANDONED)
         self._warn(f"{self._folder.path}: the estimation does not come through this drive; a new run begins")
 
     def _warn(self, text: str) -> None:

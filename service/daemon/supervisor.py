@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from wayfi.recordings.closing import Closing
 from wayfi.service.blackbox.recorder import Recorder
-from wayfi.service.daemon.estimation import Estimation
 from wayfi.service.daemon.estimator_messages import Backlog, Ready, Report, Start
+from wayfi.service.daemon.estimator_process import EstimatorProcess
 
 MOST_DEATHS = 2  # in a row, none of which came as far as being ready
 
@@ -53,5 +53,5 @@ class Supervisor(Closing):
         """End the estimation."""
         self._estimation.close()
 
-    def _started(self, start: Start) -> Estimation:
-        return Estimation(start, self._backlog, self._recorder, self._wake)
+    def _started(self, start: Start) -> EstimatorProcess:
+        return EstimatorProcess(start, self._backlog, self._recorder, self._wake)

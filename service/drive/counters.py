@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wayfi.frontends.events import ClosureJudged, Dropped, Event, StateChanged, Warned
-from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.measurements import SECOND_NS, Sensor
 
 MOST_TEXT = 500  # characters of a warning
 MOST_WARNINGS = 1000  # different ones
@@ -46,7 +46,7 @@ class Counters:
             case Warned():
                 self.warn(event.text)
             case StateChanged():
-                change = {"stamp": event.stamp_ns * 1e-9, "state": event.state.value, "reason": event.reason}
+                change = {"stamp": event.stamp_ns / SECOND_NS, "state": event.state.value, "reason": event.reason}
                 self._status_changes.append(change)
 
     @property

@@ -6,7 +6,7 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import DropReason, Event, GraphUpdated, PosePublished, Verdict
 from wayfi.frontends.measurements import Measurement, Sensor
 from wayfi.frontends.pipeline import Pipeline
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
@@ -63,6 +63,7 @@ class Drive:
         with self.timer("log"):
             for event in events:
                 self.counters.count(event)
+            for event in events:
                 self.log.log(event)
             if any(isinstance(event, GraphUpdated) for event in events):
                 self.log.log_durations(self.timer.pop_durations())
@@ -72,7 +73,7 @@ class Drive:
         accepted = [v for v in self.counters.verdicts.values() if v.verdict is Verdict.ACCEPTED]
         return self.pipeline.history() + accepted
 
-    def finish(self) -> Result:
+    def finish(self) -> DriveEstimate:
         """End the drive, close the log and return the result."""
         result, events = self.pipeline.finish()
         self.show(events)

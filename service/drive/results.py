@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.wifi.fingerprints import Fingerprint
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.calibration_file import write_calibration
@@ -22,7 +22,7 @@ from wayfi.recordings.files.tum import write_tum
 from wayfi.service.config import config_toml
 from wayfi.service.drive.drive import Drive
 
-MAP_VERSION = 1
+MAP_FORMAT_VERSION = 1
 HASHED_AT_ONCE_BYTES = 1 << 20
 PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "rerun-sdk", "rosbags")
 
@@ -38,16 +38,16 @@ class Source:
 
 
 def write_results(
-    directory: Path, drive: Drive, result: Result, source: Source, extra: Mapping[str, Any] | None = None
+    directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
     with drive.timer("files"):
-        _write_estimate(directory, result)
+        _write_estimate(directory, estimate)
         write_closures(directory / "closures.csv", drive.counters.verdicts.values())
-        write_radio(directory / "radio.csv", _radio(result.fingerprints, result.fingerprint_poses))
+        write_radio(directory / "radio.csv", _radio(estimate.fingerprints, estimate.fingerprint_poses))
         write_text(directory / "config.toml", config_toml(drive.config))
-        write_calibration(directory / "calibration.toml", result.calibration)
-        write_map(directory, result.grid, drive.config.map, result.final[:, :2])
+        write_calibration(directory / "calibration.toml", estimate.calibration)
+        write_map(directory, estimate.grid, drive.config.map, estimate.final[:, :2])
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
@@ -63,16 +63,18 @@ def hash_of(paths: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
-def _write_estimate(directory: Path, result: Result) -> None:
-    write_tum(directory / "trajectory.tum", result.stamps_ns, result.final)
-    write_tum(directory / "online.tum", result.stamps_ns, result.online)
-    factors = result.factors.values()
-    write_g2o(directory / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
+def _write_estimate(directory: Path, estimate: DriveEstimate) -> None:
+    write_tum(directory / "trajectory.tum", estimate.stamps_ns, estimate.final)
+    write_tum(directory / "online.tum", estimate.stamps_ns, estimate.online)
+    _write_graph(directory / "graph.g2o", estimate)
     saved = directory / "map"
     saved.mkdir(exist_ok=True)
-    write_g2o(saved / "graph.g2o", result.keyframe_poses, factors, result.calibration.wheels.values)
-    description = {"format": "wayfi-map", "version": MAP_VERSION, "keyframes": len(result.keyframe_poses)}
-    write_text(saved / "map.json", json.dumps(description, indent=1) + "\n")
+    _write_graph(saved / "graph.g2o", estimate)
+    write_text(saved / "manifest.json", json.dumps({"format": "wayfi-map", "version": MAP_FORMAT_VERSION}) + "\n")
+
+
+def _write_graph(path: Path, estimate: DriveEstimate) -> None:
+    write_g2o(path, estimate.keyframe_poses, estimate.factors.values(), estimate.calibration.wheels.values)
 
 
 def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:

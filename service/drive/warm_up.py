@@ -1,9 +1,9 @@
 """A short simulated drive before the real one: code that is compiled or loaded at first use is ready afterwards.
 
-numba compiles 38 functions, and 135 of its own for them, in 22 s on a free core and in a minute beside other work: once
+numba compiles 38 functions, and 135 of its own for them, in 22 s on a free core and in a minute on a busy machine: once
 for each machine, user and version of the sources. Loading them takes 1 s. None is compiled for two types of array, so
 fewer signatures would save nothing; a quarter of the time goes into three calls of numpy (solve, argsort, sort).
-`wayfi warm-up` compiles at installation. numba keeps the code in NUMBA_CACHE_DIR, else beside the sources, else in the
+`wayfi warm-up` compiles at installation. numba keeps the code in NUMBA_CACHE_DIR, else next to the sources, else in the
 user's cache where the sources cannot be written.
 """
 

@@ -70,7 +70,7 @@ class Evaluation:
 
 
 def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = None) -> Evaluation:
-    """Scores trajectory.tum, online.tum and closures.csv of `directory` against `truth_path` (TUM).
+    """Score trajectory.tum, online.tum and closures.csv of `directory` against `truth_path` (TUM).
 
     Raises TrajectoryError, TableError or ScoringError (all WayfiError) for a file that is missing, malformed or from
     another time.
@@ -91,7 +91,7 @@ def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = No
 
 
 def write_evaluation(directory: Path, evaluation: Evaluation) -> None:
-    """Writes evaluation.json into `directory`. Raises OSError."""
+    """Write evaluation.json into `directory`. Raises OSError."""
     write_text(directory / "evaluation.json", json.dumps(evaluation.to_dict(), indent=1) + "\n")
 
 

@@ -23,7 +23,7 @@ _GAP_S = 15.0
 
 
 def write_plots(directory: Path, evaluation: Evaluation) -> None:
-    """Writes evaluation_trajectory.png and evaluation_error.png into `directory`. Raises OSError."""
+    """Write evaluation_trajectory.png and evaluation_error.png into `directory`. Raises OSError."""
     write_bytes(directory / "evaluation_trajectory.png", _png(_trajectory_figure(evaluation)))
     write_bytes(directory / "evaluation_error.png", _png(_error_figure(evaluation)))
 
@@ -60,7 +60,7 @@ def _error_figure(evaluation: Evaluation) -> Figure:
 
 
 def _draw_closures(axes: Axes, evaluation: Evaluation) -> None:
-    """Draws each accepted closure as a line, coloured by whether it is correct."""
+    """Draw each accepted closure as a line, coloured by whether it is correct."""
     rows, truth = accepted_of(evaluation.rows), evaluation.truth
     correct, known = is_correct(rows, truth), has_reference(rows, truth)
     groups = (

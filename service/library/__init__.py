@@ -13,15 +13,17 @@ if TYPE_CHECKING:
 
     from .arguments import ArgumentError
     from .recorded import replay
-    from .results import Result, load_result
-    from .slam import Slam
+    from .results import Result, ResultError, load_result
+    from .slam import FinishedError, Slam
 
     __version__: str
 
 __all__ = [
     "ArgumentError",
+    "FinishedError",
     "Pose2",
     "Result",
+    "ResultError",
     "Slam",
     "State",
     "WayfiError",
@@ -32,8 +34,10 @@ __all__ = [
 
 _MODULES = {
     "ArgumentError": ".arguments",
+    "FinishedError": ".slam",
     "Pose2": ".backend.pose2",
     "Result": ".results",
+    "ResultError": ".results",
     "Slam": ".slam",
     "State": ".backend.graph.health",
     "WayfiError": ".backend.errors",

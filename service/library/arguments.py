@@ -4,8 +4,9 @@ A recording's message that is broken is dropped and counted; a caller who mixes 
 """
 
 import math
-import re
+import os
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2, wrap
+from wayfi.frontends.intake.mounts import FURTHEST_M, LARGEST_NORM, SMALLEST_NORM
+from wayfi.frontends.intake.scan_queue import LONGEST_SWEEP_S
 from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
@@ -22,16 +25,16 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
+from wayfi.frontends.wifi.readings import BSSID, HIGHEST_DBM, LOWEST_DBM
+from wayfi.recordings.ros.point_layout import MAX_POINTS
+from wayfi.recordings.ros.ros_measurements import MAX_BEAMS, MAX_NAME, MAX_READINGS
 
 LATEST_NS = 2**31 * SECOND_NS  # what a ROS time can hold
 WHOLE_TURN_RAD = 2.1 * math.pi  # and a little more, for drivers that count one beam too many
-LONGEST_SWEEP_S = 2.0
 LARGEST_TIME_S = 1.0  # between a cloud's stamp and one of its points
-FURTHEST_MOUNT_M = 100.0
-WEAKEST_DBM = -120.0
-MOST_BEAMS, MOST_POINTS, MOST_READINGS, MOST_LETTERS = 50_000, 10_000_000, 2_000, 256  # as in messages
+FURTHEST_RETURN_M = 300.0  # no LiDAR on a robot measures further: most returns of a scan in mm seem to be
+LARGEST_AGE_S = 200.0  # wpa_supplicant forgets an access point after 180 s
 SHOWN = 80  # letters of a value in an error
-_MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
 class ArgumentError(WayfiError):
@@ -39,7 +42,10 @@ class ArgumentError(WayfiError):
 
 
 def odometry_of(t_ns: object, x: object, y: object, theta: object) -> Odometry:
-    """The odometry with these values; theta may be of any number of turns. Raises ArgumentError."""
+    """The odometry with these values. Raises ArgumentError.
+
+    theta may be of any number of turns, so degrees cannot be told from radians.
+    """
     angle = number(theta, "theta", "a finite angle in radians")
     T_odom_base = Pose2(number(x, "x"), number(y, "y"), angle if -math.pi <= angle < math.pi else wrap(angle))
     return Odometry(stamp_of(t_ns), T_odom_base)
@@ -56,7 +62,8 @@ def scan_of(
     frame_id: object,
 ) -> LaserScan:
     """The scan with these values, `ranges` copied. Raises ArgumentError."""
-    beams = _floats(ranges, "ranges", "one number for each beam, (n,) in m", 1, MOST_BEAMS)
+    beams = _floats(ranges, "ranges", "one number for each beam, (n,) in m", 1, MAX_BEAMS)
+    _check_metres(beams, "ranges", ranges)
     start = number(angle_min, "angle_min")
     step = number(angle_increment, "angle_increment", "the radians from one beam to the next, not 0")
     if step == 0.0:
@@ -76,31 +83,32 @@ def scan_of(
 
 def cloud_of(t_ns: object, points: object, point_times: object, frame_id: object) -> PointCloud:
     """The cloud with these values, arrays copied. Raises ArgumentError."""
-    xyz = _floats(points, "points", "one row x, y, z for each point, (n, 3) in m", 2, MOST_POINTS)
+    xyz = _floats(points, "points", "one row x, y, z for each point, (n, 3) in m", 2, MAX_POINTS)
     if xyz.shape[1] != 3:
         raise _refusal("points", "one row x, y, z for each point, (n, 3) in m", points)
+    _check_metres(np.abs(xyz).max(axis=1), "points", points)
     times = None
     if point_times is not None:
         wanted = f"the seconds from t_ns to each point, ({len(xyz)},), {LARGEST_TIME_S:g} s at most"
-        times = _floats(point_times, "point_times", wanted, 1, MOST_POINTS)
+        times = _floats(point_times, "point_times", wanted, 1, MAX_POINTS)
         if len(times) != len(xyz) or not (np.abs(times) <= LARGEST_TIME_S).all():
             raise _refusal("point_times", wanted, point_times)
     return PointCloud(stamp_of(t_ns), name(frame_id, "frame_id"), xyz, times)
 
 
-def wifi_of(t_ns: object, levels: object, receiver: object, age: object) -> WifiScan:
+def wifi_of(t_ns: object, rssi: object, receiver: object, age: object) -> WifiScan:
     """The WiFi scan of a mapping from BSSID to dBm; `age` (s) is one for all or a mapping. Raises ArgumentError."""
-    if not isinstance(levels, Mapping):
-        raise _refusal("levels", "a mapping from BSSID to dBm", levels)
-    if len(levels) > MOST_READINGS:
-        raise _refusal("levels", f"of {MOST_READINGS} access points at most", len(levels))
-    bssids = tuple(map(bssid_of, levels))
+    if not isinstance(rssi, Mapping):
+        raise _refusal("rssi", "a mapping from BSSID to dBm", rssi)
+    if len(rssi) > MAX_READINGS:
+        raise _refusal("rssi", f"of {MAX_READINGS} access points at most", len(rssi))
+    bssids = tuple(map(bssid_of, rssi))
     if len(set(bssids)) < len(bssids):
         twice = next(b for b in bssids if bssids.count(b) > 1)
-        raise _refusal("levels", "one level for each BSSID", twice, "it is there twice, in two spellings")
-    rssi = [_level(bssid, dbm) for bssid, dbm in levels.items()]
+        raise _refusal("rssi", "one number for each BSSID", twice, "it is there twice, in two spellings")
+    dbm = np.array([_dbm(bssid, value) for bssid, value in rssi.items()], np.float32)
     ages = np.array(_ages(age, bssids), np.float32)
-    return WifiScan(stamp_of(t_ns), name(receiver, "receiver"), bssids, np.array(rssi, np.float32), ages)
+    return WifiScan(stamp_of(t_ns), name(receiver, "receiver"), bssids, dbm, ages)
 
 
 def mount_of(mount: object, frame_id: object) -> StaticTransforms:
@@ -113,8 +121,11 @@ def mount_of(mount: object, frame_id: object) -> StaticTransforms:
     values = [number(v, "mount", wanted) for v in mount] if isinstance(mount, Iterable) else []
     if len(values) == 3:
         x, y, theta = values
+        if abs(theta) > WHOLE_TURN_RAD:
+            raise _refusal("mount", wanted, mount, "is its theta in degrees?")
         values = [x, y, 0.0, 0.0, 0.0, math.sin(theta / 2), math.cos(theta / 2)]
-    if len(values) != 7 or math.hypot(*values[:3]) > FURTHEST_MOUNT_M or not 0.1 < math.hypot(*values[3:]) < 10.0:
+    norm = math.hypot(*values[3:])
+    if len(values) != 7 or math.hypot(*values[:3]) > FURTHEST_M or not SMALLEST_NORM <= norm <= LARGEST_NORM:
         raise _refusal("mount", wanted, mount)
     x, y, z, qx, qy, qz, qw = values
     transform = StaticTransform("base_link", name(frame_id, "frame_id"), (x, y, z), (qx, qy, qz, qw))
@@ -124,8 +135,8 @@ def mount_of(mount: object, frame_id: object) -> StaticTransforms:
 def bssid_of(bssid: object) -> str:
     """The BSSID in lower-case colon hex. Raises ArgumentError."""
     text = bssid.strip().lower().replace("-", ":") if isinstance(bssid, str) else ""
-    if not _MAC.fullmatch(text):
-        raise _refusal("levels", "keyed by BSSIDs such as aa:bb:cc:dd:ee:ff", bssid, "an SSID is not unique")
+    if not BSSID.fullmatch(text):
+        raise _refusal("rssi", "keyed by BSSIDs such as aa:bb:cc:dd:ee:ff", bssid, "an SSID is not unique")
     return text
 
 
@@ -151,9 +162,16 @@ def number(value: object, argument: str, wanted: str = "a finite number") -> flo
 
 def name(value: object, argument: str) -> str:
     """`value` as the name of a frame or receiver. Raises ArgumentError."""
-    if not isinstance(value, str) or not 0 < len(value) <= MOST_LETTERS:
-        raise _refusal(argument, f"a name of 1 to {MOST_LETTERS} letters", value)
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME:
+        raise _refusal(argument, f"a name of 1 to {MAX_NAME} letters", value)
     return value
+
+
+def path_of(value: object, argument: str) -> Path:
+    """`value` as a path. Raises ArgumentError."""
+    if not isinstance(value, str | os.PathLike) or not isinstance(text := os.fspath(value), str) or not text:
+        raise _refusal(argument, "a path", value)
+    return Path(text)
 
 
 def _range_limits(range_min: object, range_max: object) -> tuple[float, float]:
@@ -165,7 +183,12 @@ def _range_limits(range_min: object, range_max: object) -> tuple[float, float]:
 
 
 def _floats(values: object, argument: str, wanted: str, dimensions: int, most: int) -> NDArray[np.float32]:
-    """A float32 copy of an array-like of one or more real numbers; NaN and inf are let through."""
+    """A float32 copy of an array-like of one or more real numbers, NaN where it is masked.
+
+    NaN and inf are let through.
+    """
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "fiu":
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         array = np.asarray(values)
     except ValueError:
@@ -176,23 +199,35 @@ def _floats(values: object, argument: str, wanted: str, dimensions: int, most: i
         return np.array(array, np.float32)
 
 
-def _level(bssid: object, dbm: object) -> float:
-    wanted = f"from {WEAKEST_DBM:g} to 0 dBm"
-    level = number(dbm, f"level of {bssid}", wanted)
-    if level > 0.0:
-        raise _refusal(f"level of {bssid}", wanted, dbm, "is it in per cent, or its sign lost?")
-    if level < WEAKEST_DBM:
-        raise _refusal(f"level of {bssid}", wanted, dbm)
-    return level
+def _check_metres(distances: NDArray[np.float32], argument: str, given: object) -> None:
+    """Raise ArgumentError where most of `distances` (n,) are impossible in m, and differ.
+
+    Drivers that have one large number for "no return" give the same in all those beams.
+    """
+    returns = distances[np.isfinite(distances) & (distances > 0.0)]
+    far = returns[returns > FURTHEST_RETURN_M]
+    if 2 * len(far) > len(returns) and far.min() < far.max():
+        raise _refusal(argument, "in m", given, f"most are over {FURTHEST_RETURN_M:g}: are these mm?")
+
+
+def _dbm(bssid: object, value: object) -> float:
+    wanted = f"from {LOWEST_DBM:g} to {HIGHEST_DBM:g} dBm"
+    dbm = number(value, f"rssi of {bssid}", wanted)
+    if dbm > HIGHEST_DBM:
+        raise _refusal(f"rssi of {bssid}", wanted, value, "is it in per cent, or its sign lost?")
+    if dbm < LOWEST_DBM:
+        raise _refusal(f"rssi of {bssid}", wanted, value)
+    return dbm
 
 
 def _ages(age: object, bssids: tuple[str, ...]) -> list[float]:
     """The age of each reading, one number for all or a mapping; 0 where it is not given."""
-    wanted = "the seconds from a reading to t_ns, 0 or more: one number, or a mapping from BSSID"
+    wanted = f"the seconds from a reading to t_ns, 0 to {LARGEST_AGE_S:g}: one number, or a mapping from BSSID"
     given = {bssid_of(b): a for b, a in age.items()} if isinstance(age, Mapping) else dict.fromkeys(bssids, age)
     ages = [number(given.get(b) or 0.0, "age", wanted) for b in bssids]
-    if min(ages, default=0.0) < 0.0:
-        raise _refusal("age", wanted, min(ages))
+    for seconds in ages:
+        if not 0.0 <= seconds <= LARGEST_AGE_S:
+            raise _refusal("age", wanted, seconds, "is it in milliseconds?" if seconds > 0.0 else "")
     return ages
 
 

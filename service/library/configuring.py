@@ -1,22 +1,38 @@
-"""The configuration, as a caller gives it: a TOML file, and settings by name."""
+"""The configuration, as a caller gives it: a TOML file or nested mappings, and settings by name."""
 
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from .arguments import ArgumentError
+from .arguments import ArgumentError, path_of
 
-Given = str | Path | None
+Given = str | os.PathLike[str] | Mapping[str, object] | None
+"""A configuration: a TOML file, or nested mappings such as `{"lidar": {"max_range_m": 12.0}}`; None: the defaults."""
 
 
 def files_of(config: Given) -> list[Path]:
-    """The configuration's file, if there is one."""
-    return [] if config is None else [Path(config)]
+    """The configuration's file, if it is one. Raises ArgumentError for what is no configuration."""
+    if config is None or isinstance(config, Mapping):
+        return []
+    if not isinstance(config, str | os.PathLike):
+        raise ArgumentError(f"config: must be a TOML file, or a mapping of sections to settings; it is {config!r}")
+    return [path_of(config, "config")]
 
 
-def settings_of(settings: Mapping[str, object]) -> list[str]:
-    """Settings by `section.key` as the command line has them. Raises ArgumentError."""
-    return [f"{_key(key)}={_toml(key, value)}" for key, value in settings.items()]
+def settings_of(config: Given, settings: Mapping[str, object]) -> list[str]:
+    """The settings in `config`, then those by `section.key`, as the command line has them. Raises ArgumentError."""
+    nested = config if isinstance(config, Mapping) else {}
+    return [f"{_key(key)}={_toml(key, value)}" for given in (nested, settings) for key, value in _flat(given)]
+
+
+def _flat(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Each value of nested mappings with its keys, joined by points."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def _key(key: str) -> str:
@@ -29,6 +45,8 @@ def _key(key: str) -> str:
 def _toml(key: str, value: object) -> str:
     """`value` in TOML, which has JSON's texts, numbers and lists."""
     try:
+        if value is None:
+            raise TypeError
         return json.dumps(value, ensure_ascii=False, default=_plain)
     except TypeError:
         raise ArgumentError(f"{key}: must be a text, a number, true or false, or a list; it is {value!r}") from None

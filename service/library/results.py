@@ -1,9 +1,11 @@
 """What a drive has come to: of a `Slam` that has finished, or read from the folder of a replay."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from wayfi.recordings.files.tables import ClosureRow, read_closures
 from wayfi.recordings.files.trinary_grid import TrinaryGrid, read_map
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.trajectory import Trajectory
+
+from .arguments import path_of
 
 
 class ResultError(WayfiError):
@@ -36,9 +40,12 @@ class Result:
     report: dict[str, Any]
     _write: Callable[[Path], object] = field(repr=False)
 
-    def save(self, directory: str | Path) -> None:
-        """Write the files that `wayfi replay` leaves into `directory`, which is made if need be. Raises ResultError."""
-        out = Path(directory)
+    def save(self, directory: str | os.PathLike[str]) -> None:
+        """Write the files that `wayfi replay` leaves into `directory`, which is made if need be.
+
+        Raises ResultError where that cannot be written.
+        """
+        out = path_of(directory, "directory")
         try:
             out.mkdir(parents=True, exist_ok=True)
             self._write(out)
@@ -46,18 +53,23 @@ class Result:
             raise ResultError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
 
 
-def load_result(directory: str | Path) -> Result:
+def load_result(directory: str | os.PathLike[str]) -> Result:
     """The result in the folder of a replay or of `save`. Raises WayfiError where a file is missing or is another."""
-    folder = Path(directory)
+    folder = path_of(directory, "directory")
     return Result(
-        read_tum(folder / "trajectory.tum"),
-        read_tum(folder / "online.tum"),
+        read_tum(folder / "trajectory.tum", may_be_empty=True),
+        read_tum(folder / "online.tum", may_be_empty=True),
         read_closures(folder / "closures.csv"),
         read_map(folder),
         read_calibration(folder / "calibration.toml"),
         _read_report(folder / "report.json"),
-        lambda out: out.samefile(folder) or shutil.copytree(folder, out, dirs_exist_ok=True),
+        partial(_copy, folder),
     )
+
+
+def _copy(folder: Path, out: Path) -> None:
+    if not out.samefile(folder):
+        shutil.copytree(folder, out, dirs_exist_ok=True)
 
 
 def _read_report(path: Path) -> dict[str, Any]:

@@ -10,7 +10,7 @@ UNITS = {10: "seconds", 13: "milliseconds", 16: "microseconds"}  # by the digits
 
 
 @dataclass(slots=True)
-class _Stream:
+class _Stamps:
     first_ns: int
     last_ns: int
     count: int = 1
@@ -20,13 +20,13 @@ class StampOrder:
     """The newest stamp of each stream of messages."""
 
     def __init__(self) -> None:
-        self._streams: dict[str, _Stream] = {}
+        self._streams: dict[str, _Stamps] = {}
 
     def add(self, stream: str, stamp_ns: int) -> None:
-        """Take the next stamp of a stream. Raises ArgumentError, and forgets the stamp, where it cannot be right."""
+        """Add the next stamp of a stream. Raises ArgumentError, and forgets the stamp, where it cannot be right."""
         known = self._streams.get(stream)
         if known is None:
-            self._streams[stream] = _Stream(stamp_ns, stamp_ns)
+            self._streams[stream] = _Stamps(stamp_ns, stamp_ns)
             return
         if stamp_ns <= known.last_ns:
             raise ArgumentError(

@@ -1,4 +1,4 @@
-"""Tells when numba compiles instead of loading what it compiled before, so that nobody takes it for a hang."""
+"""Tells when numba compiles instead of loading what it compiled before, so that it is not mistaken for a hang."""
 
 import sys
 from collections.abc import Callable, Iterator

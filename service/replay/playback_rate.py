@@ -2,6 +2,8 @@
 
 import time
 
+from wayfi.frontends.measurements import SECOND_NS
+
 
 class PlaybackRate:
     """Holds messages back to `rate` times the time between their log times; None does not."""
@@ -17,6 +19,6 @@ class PlaybackRate:
         now = time.monotonic()
         if self._start is None:
             self._start = (now, log_time_ns)
-        due = self._start[0] + (log_time_ns - self._start[1]) * 1e-9 / self._rate
+        due = self._start[0] + (log_time_ns - self._start[1]) / SECOND_NS / self._rate
         if due > now:
             time.sleep(due - now)

@@ -162,4 +162,4 @@ class _Outlet:
 
 def has_subscriber(publisher: zenoh.Publisher) -> bool:
     """Whether anybody subscribes to what `publisher` puts."""
-    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # the stubs take it for a bool
+    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # in the stubs it is a bool

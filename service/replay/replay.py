@@ -72,7 +72,7 @@ def replay(
     log = _open_log(config, options, sha256[:16])
     replayer = _replayer(recording, config, calibration, log)
     try:
-        with StopSignal() as stop:  # an interrupt within compiled code would be taken for its failure
+        with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
             warm_up()  # else the first tenth of the drive would pay for what is loaded once
             _play_all(recording, replayer, options.rate, progress, stop)
         drive = replayer.drive

@@ -52,7 +52,7 @@ class Reproduction:
 
 
 def run_algorithm1(drive: RecordedDrive, bar: Bar) -> Reproduction:
-    """Runs the paper's stages on `drive`; `bar` opens a progress bar with a title.
+    """Run the paper's stages on `drive`; `bar` opens a progress bar with a title.
 
     Raises ReproductionError if the drive is too short for the similarity model.
     """
@@ -74,7 +74,7 @@ def run_algorithm1(drive: RecordedDrive, bar: Bar) -> Reproduction:
 
 
 def _compile(drive: RecordedDrive) -> None:
-    """Runs the functions that numba compiles once, on minimal input, so that compilation is not timed."""
+    """Run the functions that numba compiles once, on minimal input, so that compilation is not timed."""
     similarity = all_similarities(drive.readings[:2], _no_progress)
     sequence_closures(np.array([[0, 1]]), similarity, drive.poses[:2], 2, 1)
     two = dict(list(drive.scans.items())[:2])

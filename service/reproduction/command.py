@@ -23,7 +23,7 @@ NO_LASER = "no laser in the recording: the stages that need it are left out"
 
 
 def simulate_carpark(out: Path, minutes: float | None, output: Output) -> tuple[Path, Path]:
-    """Simulates the paper's car park into `out`; returns the recording and its truth. None `minutes`: full length."""
+    """Simulate the paper's car park into `out`; returns the recording and its truth. None `minutes`: full length."""
     out.mkdir(parents=True, exist_ok=True)
     with output.progress("simulate the car park") as progress:
         made = simulate(World.CARPARK, out, minutes=minutes, progress=progress)
@@ -31,7 +31,7 @@ def simulate_carpark(out: Path, minutes: float | None, output: Output) -> tuple[
 
 
 def reproduce(recording_path: Path, truth_path: Path, out: Path, output: Output) -> None:
-    """Runs Algorithm 1 and the streaming service on a recording, and writes tables and plots into `out`.
+    """Run Algorithm 1 and the streaming service on a recording, and write tables and plots into `out`.
 
     Raises ReproductionError, RecordingError, TrajectoryError or ScoringError (all WayfiError), and OSError where `out`
     cannot be written.

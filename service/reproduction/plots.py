@@ -32,7 +32,7 @@ def write_plots(
     directory: Path, sweeps: list[Table], methods: Table, stages: Table, trajectories: Mapping[str, Trajectory],
     truth: Trajectory,
 ) -> None:  # fmt: skip
-    """Writes trajectories.png, closures.png, methods.png and time.png into `directory`. Raises OSError."""
+    """Write trajectories.png, closures.png, methods.png and time.png into `directory`. Raises OSError."""
     write_bytes(directory / "trajectories.png", _png(_trajectory_figure(trajectories, truth)))
     write_bytes(directory / "closures.png", _png(_sweep_figure(sweeps)))
     write_bytes(directory / "methods.png", _png(_bar_figure(methods)))

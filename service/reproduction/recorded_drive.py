@@ -10,7 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all
 from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.mount import Mount
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, Measurement, Odometry, StaticTransforms, WifiScan
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.wifi.readings import Readings, usable_readings
 from wayfi.recordings.ros.codec import decode
@@ -19,7 +19,6 @@ from wayfi.recordings.trajectory import Stamps, Trajectory
 from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.messages import Progress, sensor_messages
 
-SECOND_NS = 1_000_000_000
 SCAN_WITHIN_S = 2.0  # of the WiFi scan; the odometry gives the motion in between
 LIDAR = LidarConfig(thinning_m=0.08)  # the paper's scans are of 600 points: about that many remain of a UST-20LX
 

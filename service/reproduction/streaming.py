@@ -27,7 +27,7 @@ class StreamingRun:
 
 
 def run_streaming(recording_path: Path, laser: bool, progress: Progress) -> StreamingRun:
-    """Runs the streaming service with its defaults on a recording, with the `laser` on or off."""
+    """Run the streaming service with its defaults on a recording, with the `laser` on or off."""
     config = config_of({"lidar": {"enabled": laser}})
     warm_up()
     start = time.perf_counter()

@@ -93,7 +93,7 @@ def method_table(ours: dict[Method, float], laser_off: float, laser_on: float | 
         for method in Method
         if method in ours or method is Method.GMAPPING
     ]
-    note = "laser off" if laser_on is None else "laser off beside WiFi, laser on in the last row"
+    note = "laser off" if laser_on is None else "laser off in the rows of WiFi, laser on in the last"
     return Table(f"Table III: ATE by method (streaming: {note})", "table_III_methods.csv", "method", rows)
 
 
@@ -111,7 +111,7 @@ def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) ->
 
 
 def write_tables(directory: Path, tables: list[Table]) -> None:
-    """Writes each table as CSV into `directory`, with unrounded figures. Raises OSError."""
+    """Write each table as CSV into `directory`, with unrounded figures. Raises OSError."""
     for table in tables:
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")

@@ -12,8 +12,10 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ZenohConfig
 
-QUEUE_BYTES = 64 << 20
 MIB = 1 << 20
+QUEUE_BYTES = 64 * MIB  # of a sensor: two clouds of the largest size, or some seconds of smaller ones
+WIFI_MESSAGES = 200  # phones send one in two seconds: over a minute of five of them
+TF_STATIC_MESSAGES = 100  # each is sent once, when its publisher starts: more than a robot has frames
 
 Item = TypeVar("Item")
 
@@ -51,8 +53,8 @@ def limits_of(config: ZenohConfig) -> dict[Sensor, QueueLimit]:
         Sensor.ODOM: QueueLimit(config.odom_queue, MIB // 16),
         Sensor.SCAN: QueueLimit(config.scan_queue, 4 * MIB),
         Sensor.POINTS: QueueLimit(config.scan_queue, 32 * MIB),
-        Sensor.WIFI: QueueLimit(200, 4 * MIB),
-        Sensor.TF_STATIC: QueueLimit(100, MIB),
+        Sensor.WIFI: QueueLimit(WIFI_MESSAGES, 4 * MIB),
+        Sensor.TF_STATIC: QueueLimit(TF_STATIC_MESSAGES, MIB),
     }
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.service.config import Config
@@ -67,7 +67,7 @@ class _RecordingWriter:
         """Write a message, if there is one, and flush when it is due."""
         if received is not None:
             topic, type_name = self._topics[received.sensor], TYPE_OF_SENSOR[received.sensor]
-            log_time_ns = round((received.received_s + self._wall_ahead_s) * 1e9)
+            log_time_ns = round((received.received_s + self._wall_ahead_s) * SECOND_NS)
             self._writer.write(topic, type_name, received.encoding, log_time_ns, received.data)
             self.messages[topic] = self.messages.get(topic, 0) + 1
         if time.monotonic() - self._flushed_s >= FLUSH_S:

@@ -17,13 +17,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from daemons import Robot, Running, accepts, routing, running
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 from drives import Simulated, run, simulated, write
-from kills import kill_after
-from loopback import endpoint, eventually, free_port
+from live.daemons import Robot, Running, accepts, routing, running
+from live.kills import kill_after
+from live.loopback import endpoint, eventually, free_port
+from live.runs import error_m, replays_alike, report_of
 from rerun.experimental import ViewerClient
-from runs import error_m, replays_alike, report_of
 
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.simulation.worlds import World

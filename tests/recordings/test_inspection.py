@@ -9,15 +9,13 @@ import pytest
 from places import REAL_DATA
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import LaserScan, Odometry, Sensor, WifiScan
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, Odometry, Sensor, WifiScan
 from wayfi.recordings.inspection import Inspection, TopicInspection, inspect_recording
 from wayfi.recordings.mcap.blocks import RecordingError
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import LASER_SCAN, ODOMETRY, WIFI_SCAN
 from wayfi.recordings.ros.topics import Encoding
-
-SECOND_NS = 1_000_000_000
 
 
 def wifi(stamp_ns: int, receiver: str, bssid: str) -> bytes:

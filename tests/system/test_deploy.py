@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from loopback import Authority, eventually, free_port
+from live.loopback import Authority, eventually, free_port
 from places import DEPLOY
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 

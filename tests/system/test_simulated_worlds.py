@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from conftest import Replayed
-from drives import replay_by_cli
+from drives import Replayed, replay_by_cli
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate

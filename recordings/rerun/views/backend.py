@@ -8,7 +8,7 @@ import rerun as rr
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublished, StateChanged, Verdict
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream
+from wayfi.recordings.rerun.stream import Limiter, RerunStream
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, VERDICT
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -19,7 +19,7 @@ CALIBRATION = ("scale of distance", "scale of turning", "bias, rad/m", "bias, ra
 class BackendView:
     """Draws `/backend`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._sigma_limit = Limiter(config.pose_hz / 2)
         self._log_style()
@@ -34,27 +34,27 @@ class BackendView:
         }
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Draws the residual and the number of factors after an update."""
+        """Draw the residual and the number of factors after an update."""
         self._scalars("residual", event.residual)
         self._scalars("factors/in_and_out", event.factors_added, -event.factors_removed)
         self._scalars("factors/total", event.factors)
 
     def on_pose(self, event: PosePublished) -> None:
-        """Draws one sigma of the position (m) and of the heading (degrees)."""
+        """Draw one sigma of the position (m) and of the heading (degrees)."""
         if self._sigma_limit.passes(event.stamp_ns):
             x, y, theta = np.sqrt(np.maximum(np.diag(event.covariance), 0.0))
             self._scalars("sigma", np.hypot(x, y), np.degrees(theta))
 
     def on_state(self, event: StateChanged) -> None:
-        """Draws the state."""
+        """Draw the state."""
         self._stream.log("/backend/state", rr.StateChange(state=event.state.value))
 
     def on_calibration(self, event: CalibrationUpdated) -> None:
-        """Draws the four parameters of the wheels' calibration."""
+        """Draw the four parameters of the wheels' calibration."""
         self._scalars("calibration", *event.values)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
-        """Draws seconds by stage as milliseconds; a gap for a stage that did not run."""
+        """Draw seconds by stage as milliseconds; a gap for a stage that did not run."""
         self._scalars("time", *(1e3 * durations.get(stage, np.nan) for stage in STAGES))
 
     def _scalars(self, name: str, *values: float) -> None:

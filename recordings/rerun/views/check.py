@@ -7,7 +7,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import CheckDone, KeyframeAdded
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, downsampled, flip_y
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, flip_y
 from wayfi.recordings.rerun.style import GUESS, MATCHED, SUBMAP, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -15,7 +15,7 @@ from wayfi.recordings.rerun.views.view import Handlers
 class CheckView:
     """Draws `/check/scans`, in base_link of keyframe a, `/check/inlier_ratio` and `/check/result`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._scan_points = config.scan_points
         stream.log_static("/check/scans", flip_y())
@@ -30,7 +30,7 @@ class CheckView:
         return {CheckDone: self.on_check, KeyframeAdded: self.on_keyframe}
 
     def on_check(self, event: CheckDone) -> None:
-        """Draws the newest check."""
+        """Draw the newest check."""
         self._points("submap", downsampled(event.submap, 2 * self._scan_points))
         scan = downsampled(event.scan, self._scan_points).astype(np.float64)
         self._points("before", event.T_a_b_guess.transform(scan))
@@ -39,7 +39,7 @@ class CheckView:
         self._stream.log("/check/result", rr.TextDocument(_summary(event), media_type="text/markdown"))
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """Draws the inlier ratio of the keyframe's scan matching."""
+        """Draw the inlier ratio of the keyframe's scan matching."""
         if np.isfinite(event.inlier_ratio):
             self._stream.log("/check/inlier_ratio/matching", rr.Scalars.from_fields(scalars=[event.inlier_ratio]))
 

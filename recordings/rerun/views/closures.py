@@ -9,7 +9,7 @@ from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import ClosureJudged, GraphUpdated, Verdict
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, segments
+from wayfi.recordings.rerun.stream import RerunStream, segments
 from wayfi.recordings.rerun.style import VERDICT, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers
@@ -35,7 +35,7 @@ class _Lines:
 class ClosuresView:
     """Draws `/map/closures/VERDICT/NNNN`: a few lines in each entity, so that a change redraws few of them."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._submap_keyframes = config.submap_keyframes
         self._poses = poses
@@ -47,7 +47,7 @@ class ClosuresView:
         return {ClosureJudged: self.on_closure, GraphUpdated: self.on_graph}
 
     def on_closure(self, event: ClosureJudged) -> None:
-        """Draws the line of a new candidate, or moves it to the group of its new verdict."""
+        """Draw the line of a new candidate, or move it to the group of its new verdict."""
         before = self._group_of.get(event.closure)
         group = (event.verdict, event.keyframe_b // self._submap_keyframes)
         if before is not None:
@@ -61,7 +61,7 @@ class ClosuresView:
         self._draw(group)
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Redraws the lines whose ends have moved."""
+        """Redraw the lines whose ends have moved."""
         if event.poses is None:
             return
         for group, lines in self._groups.items():

@@ -13,13 +13,13 @@ class Poses:
         self._n = 0
 
     def put(self, number: int, pose: Pose2) -> None:
-        """Sets the pose of `number`; numbers skipped before it get the same pose."""
+        """Set the pose of `number`; numbers skipped before it get the same pose."""
         self._grow(number + 1)
         self._rows[min(self._n, number) : number + 1] = pose.array()
         self._n = max(self._n, number + 1)
 
     def replace(self, poses: Floats) -> None:
-        """Sets the first n poses to `poses` (n, 3)."""
+        """Set the first n poses to `poses` (n, 3)."""
         self._grow(len(poses))
         self._rows[: len(poses)] = poses
         self._n = max(self._n, len(poses))

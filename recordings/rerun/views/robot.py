@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import KeyframeAdded, PosePublished
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, transform
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, transform
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -21,7 +21,7 @@ POINTS_PER_STRIP = 50
 class RobotView:
     """Draws `/map/robot`, `/map/ellipse`, in the colour of the state, and `/map/odometry`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._pose_limit = Limiter(config.pose_hz)
         self._ellipse_limit = Limiter(config.pose_hz / 2)
@@ -37,7 +37,7 @@ class RobotView:
         return {PosePublished: self.on_pose, KeyframeAdded: self.on_keyframe}
 
     def on_pose(self, event: PosePublished) -> None:
-        """Moves the robot, and its ellipse half as often."""
+        """Move the robot, and its ellipse half as often."""
         if self._T_map_odom_first is None:
             self._T_map_odom_first = event.T_map_odom
         self._T_odom_base = event.T_odom_base
@@ -47,7 +47,7 @@ class RobotView:
             self._draw_ellipse(event)
 
     def on_keyframe(self, event: KeyframeAdded) -> None:  # noqa: ARG002 - only its time matters
-        """Adds the current pose of raw odometry to its path."""
+        """Add the current pose of raw odometry to its path."""
         if self._T_map_odom_first is None:
             return
         raw = self._T_map_odom_first @ self._T_odom_base

@@ -5,7 +5,7 @@ import rerun as rr
 from wayfi.frontends.events import KeyframeAdded, SubmapMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, downsampled, transform
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import SCAN, SUBMAP, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -13,7 +13,7 @@ from wayfi.recordings.rerun.views.view import Handlers
 class ScansView:
     """Draws `/map/scan` in base_link of its keyframe, and `/map/local_submap` in `map`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig) -> None:
         self._stream = stream
         self._scan_points = config.scan_points
         self._scan_limit = Limiter(config.scan_hz)
@@ -28,13 +28,13 @@ class ScansView:
         return {KeyframeAdded: self.on_keyframe, SubmapMatched: self.on_submap}
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """Draws the newest keyframe's scan at its pose."""
+        """Draw the newest keyframe's scan at its pose."""
         if len(event.points) and self._scan_limit.passes(event.stamp_ns):
             points = rr.Points2D.from_fields(positions=arrows.points(downsampled(event.points, self._scan_points)))
             self._stream.log("/map/scan", transform(event.T_map_base), points)
 
     def on_submap(self, event: SubmapMatched) -> None:
-        """Draws the submap of the last scan matching."""
+        """Draw the submap of the last scan matching."""
         if self._submap_limit.passes(event.stamp_ns):
             points = downsampled(event.submap, 2 * self._scan_points)
             self._stream.log("/map/local_submap", rr.Points2D.from_fields(positions=arrows.points(points)))

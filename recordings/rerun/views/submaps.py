@@ -13,7 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap_all
 from wayfi.frontends.events import GraphUpdated, KeyframeAdded
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Stream, downsampled, transform
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import ESTIMATE, KEYFRAME_SCAN, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers
@@ -39,7 +39,7 @@ class _Submap:
 class SubmapsView:
     """Draws `/map/submaps/NNNN`: a frame, and below it the path and the scans of its keyframes."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._size = config.submap_keyframes
         self._scan_points = config.scan_points
@@ -53,14 +53,14 @@ class SubmapsView:
         return {KeyframeAdded: self.on_keyframe, GraphUpdated: self.on_graph}
 
     def on_keyframe(self, event: KeyframeAdded) -> None:
-        """Adds the keyframe and its scan to its submap."""
+        """Add the keyframe and its scan to its submap."""
         self._add_submaps_up_to(len(self._poses))
         submap = self._submaps[event.keyframe // self._size]
         self._add_points(submap, event)
         self._draw(submap)
 
     def on_graph(self, event: GraphUpdated) -> None:
-        """Moves the frames that a correction moved, and redraws the submaps that it deformed."""
+        """Move the frames that a correction moved, and redraw the submaps that it deformed."""
         if event.poses is None:
             return
         self._add_submaps_up_to(len(self._poses))
@@ -95,7 +95,7 @@ class SubmapsView:
         self._stream.log(self._submaps[i].root, transform(T_map_anchor))
 
     def _add_points(self, submap: _Submap, event: KeyframeAdded) -> None:
-        """Adds the points of the scan in cells where the submap has no points yet."""
+        """Add the points of the scan in cells where the submap has no points yet."""
         scan = downsampled(event.points, self._scan_points)
         T_anchor_base = self._poses.pose(submap.first).between(event.T_map_base)
         grid = np.floor(T_anchor_base.transform(scan.astype(np.float64)) / CELL_M).astype(np.int64)

@@ -8,7 +8,7 @@ import rerun as rr
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import ClosureJudged, Dropped, DropReason, StateChanged, Verdict, Warned
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.rerun.stream import Stream
+from wayfi.recordings.rerun.stream import RerunStream
 from wayfi.recordings.rerun.style import STATE, VERDICT, Color
 from wayfi.recordings.rerun.views.view import Handlers
 
@@ -19,7 +19,7 @@ WARNING: Color = (255, 165, 40)
 class TextView:
     """Writes `/log/verdicts`, `/log/state`, `/log/warnings` and `/log/drops`."""
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: RerunStream) -> None:
         self._stream = stream
         self._drops: Counter[tuple[Sensor, DropReason]] = Counter()
 
@@ -33,29 +33,29 @@ class TextView:
         }
 
     def on_closure(self, event: ClosureJudged) -> None:
-        """Writes the verdict on a candidate and its reason."""
+        """Write the verdict on a candidate and its reason."""
         color = REFUSED_TEXT if event.verdict is Verdict.REFUSED else VERDICT[event.verdict]
         level = "WARN" if event.verdict is Verdict.REMOVED else "INFO"
         self._line("verdicts", _verdict(event), level, color)
 
     def on_state(self, event: StateChanged) -> None:
-        """Writes a change of state and its reason."""
+        """Write a change of state and its reason."""
         level = "INFO" if event.state is State.TRACKING else "WARN"
         self._line("state", f"{event.state.value}: {event.reason}", level, STATE[event.state])
 
     def on_warning(self, event: Warned) -> None:
-        """Writes a warning, with the text of the report."""
+        """Write a warning, with the text of the report."""
         self._line("warnings", event.text, "WARN", WARNING)
 
     def on_drop(self, event: Dropped) -> None:
-        """Writes the 1st, 10th, 100th, ... drop of its kind, so that a broken sensor does not fill the log."""
+        """Write the 1st, 10th, 100th, ... drop of its kind, so that a broken sensor does not fill the log."""
         kind = (event.sensor, event.reason)
         self._drops[kind] += 1
         if _is_power_of_ten(self._drops[kind]):
             self._line("drops", self._drop(kind), "DEBUG", None)
 
     def log_totals(self) -> None:
-        """Writes the final number of drops of each kind."""
+        """Write the final number of drops of each kind."""
         for kind, count in self._drops.items():
             if not _is_power_of_ten(count):
                 self._line("drops", self._drop(kind), "DEBUG", None)

@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import Floats, compose_all
 from wayfi.frontends.events import FingerprintAdded, SequenceMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, Stream, flip_y, segments
+from wayfi.recordings.rerun.stream import Limiter, RerunStream, flip_y, segments
 from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers
@@ -22,7 +22,7 @@ DISSIMILAR_COLOR, SIMILAR_COLOR = np.array([40.0, 55.0, 80.0]), np.array([255.0,
 class WifiView:
     """Draws `/wifi/rssi`, `/wifi/strongest`, `/wifi/similarity`, `/wifi/places` and `/wifi/sequences`."""
 
-    def __init__(self, stream: Stream, config: RerunConfig, poses: Poses) -> None:
+    def __init__(self, stream: RerunStream, config: RerunConfig, poses: Poses) -> None:
         self._stream = stream
         self._limit = Limiter(config.wifi_hz)
         self._poses = poses
@@ -36,7 +36,7 @@ class WifiView:
         return {FingerprintAdded: self.on_fingerprint, SequenceMatched: self.on_sequences}
 
     def on_fingerprint(self, event: FingerprintAdded) -> None:
-        """Draws the newest fingerprint and its similarity to earlier ones."""
+        """Draw the newest fingerprint and its similarity to earlier ones."""
         self._store_position(event)
         for bssid in event.bssids:
             self._number_of_ap.setdefault(bssid, len(self._number_of_ap))
@@ -45,7 +45,7 @@ class WifiView:
             self._draw_similarity(event)
 
     def on_sequences(self, event: SequenceMatched) -> None:
-        """Draws the two sequences of the last candidate, and a line between each pair of fingerprints."""
+        """Draw the two sequences of the last candidate, and a line between each pair of fingerprints."""
         for name, points in (("a", event.points_a), ("b", event.points_b)):
             parts = (
                 rr.LineStrips2D.from_fields(strips=arrows.strips([points])),

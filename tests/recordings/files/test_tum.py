@@ -73,6 +73,14 @@ def test_what_is_no_trajectory_is_refused_by_name(tmp_path: Path, text: str) -> 
         read_tum(path)
 
 
+def test_an_empty_trajectory_is_read_where_it_may_be_empty(tmp_path: Path) -> None:
+    write_tum(tmp_path / "empty.tum", np.empty(0, np.int64), np.empty((0, 3)))
+    empty = read_tum(tmp_path / "empty.tum", may_be_empty=True)
+    assert (empty.stamps_ns.shape, empty.poses.shape) == ((0,), (0, 3))
+    with pytest.raises(TrajectoryError, match="no pose in it"):
+        read_tum(tmp_path / "empty.tum")
+
+
 def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "binary.tum").write_bytes(b"\xff\xfe\x00\x89MCAP")
     for name in ("binary.tum", "missing.tum"):

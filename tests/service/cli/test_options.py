@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from command_line import copied_replay, wayfi
-from conftest import Replayed
+from drives import Replayed
 
 
 @pytest.mark.parametrize(

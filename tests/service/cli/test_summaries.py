@@ -4,8 +4,7 @@ import json
 from pathlib import Path
 
 from command_line import copied_replay, one_object, wayfi
-from conftest import Replayed
-from drives import Simulated, cli, write
+from drives import Replayed, Simulated, cli, write
 
 from wayfi.service.config import Config, config_dict
 

@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from daemons import Running, message_of, odometry, running
-from loopback import CLI, eventually
-from places import REAL_DATA
-from runs import (
+from live.daemons import Running, message_of, odometry, running
+from live.loopback import CLI, eventually
+from live.runs import (
     odometry_of,
     pose_of,
     poses_of,
     stamp_ns,
 )
+from places import REAL_DATA
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import Sensor, StaticTransforms

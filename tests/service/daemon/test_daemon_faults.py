@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import rerun_cli
-from daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
 from drives import Simulated, circling, write
-from loopback import eventually, free_port
-from runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
+from live.daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
+from live.loopback import eventually, free_port
+from live.runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
 
 from wayfi.frontends.measurements import Odometry
 from wayfi.recordings.mcap.parts import BLACKBOX, next_part
 from wayfi.recordings.mcap.writer import McapWriter
-from wayfi.recordings.ros.topics import CONTROL_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, CONTROL_TYPE
 from wayfi.service.blackbox.checkpoint import write_checkpoint
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 
@@ -125,7 +125,7 @@ def test_a_drive_that_ends_the_estimation_each_time_is_left_for_a_new_run(tmp_pa
         lost = daemon.folder
         daemon.kill()
         with McapWriter(next_part(lost, BLACKBOX)) as writer:
-            writer.write(CONTROL_TOPIC, "wayfi/Mark", "json", 0, ControlRecord(ControlKind.CHECKPOINT, 1).to_json())
+            writer.write(CONTROL_TOPIC, CONTROL_TYPE, "json", 0, ControlRecord(ControlKind.CHECKPOINT, 1).to_json())
         write_checkpoint(lost, 1, deadly)
         daemon.start_again()
         daemon.collect("wayfi/pose")

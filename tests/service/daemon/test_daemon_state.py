@@ -6,7 +6,7 @@ import pytest
 
 from wayfi.service.daemon.daemon_state import TRANSITIONS, DaemonState, IllegalTransitionError, StateMachine
 
-ENDS = {DaemonState.STOPPED, DaemonState.LOST}
+ENDS = {DaemonState.STOPPED, DaemonState.ABANDONED}
 BEGINNINGS = {False: DaemonState.STARTING, True: DaemonState.RECOVERING}  # by whether a drive is resumed
 
 

@@ -3,16 +3,16 @@
 from pathlib import Path
 
 import pytest
-from daemons import running
 from drives import Simulated, circling, write
-from loopback import eventually
+from live.daemons import running
+from live.loopback import eventually
+from live.runs import assert_every_pose, assert_nothing_vanished, poses_of, replays_alike
 from rerun.chunk import RrdReader
-from runs import assert_every_pose, assert_nothing_vanished, poses_of, replays_alike
 
 from wayfi.frontends.measurements import Odometry
 from wayfi.recordings.mcap.parts import parts_of
 from wayfi.service.blackbox.disk import KINDS, MIB
-from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
+from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
 
 RATE = 30.0  # times real time
 BUDGET_MB = 20

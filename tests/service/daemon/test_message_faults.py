@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from daemons import Running, running
 from drives import Arrival, Simulated, write
-from runs import assert_every_pose, assert_nothing_vanished, drops, error_m, poses_of, replays_alike
+from live.daemons import Running, running
+from live.runs import assert_every_pose, assert_nothing_vanished, drops, error_m, poses_of, replays_alike
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan

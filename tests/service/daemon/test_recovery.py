@@ -7,16 +7,16 @@ import time
 from pathlib import Path
 
 import pytest
-from daemons import ESTIMATOR, Robot, routing, running
 from drives import RESULT_FILES, Simulated, circling, run, write
-from kills import kill_after
-from loopback import eventually, free_port
-from runs import error_m, replays_alike
+from live.daemons import ESTIMATOR, Robot, routing, running
+from live.kills import kill_after
+from live.loopback import eventually, free_port
+from live.runs import error_m, replays_alike
 
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
-from wayfi.service.daemon.estimation import CHECKPOINT_EVERY
+from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
 
 KILLED_S = 1.0
 HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time

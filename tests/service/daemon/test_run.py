@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from loopback import CLI, free_port
+from live.loopback import CLI, free_port
 
 
 def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:

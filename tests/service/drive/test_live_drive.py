@@ -13,7 +13,7 @@ import pytest
 
 from wayfi.frontends.events import Event
 from wayfi.frontends.pipeline import Pipeline
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.blocks import Record
@@ -62,14 +62,14 @@ class Daemon:
         self.replayer.play(record)
 
 
-def played(records: Iterable[Record]) -> Result:
+def played(records: Iterable[Record]) -> DriveEstimate:
     replayer = BlackBoxReplayer(LiveDrive(Config(), None, NullLog()))
     for record in records:
         replayer.play(record)
     return replayer.drive.finish()
 
 
-def same(one: Result, other: Result) -> bool:
+def same(one: DriveEstimate, other: DriveEstimate) -> bool:
     return all(
         np.array_equal(a, b)
         for a, b in (

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Replayed
-from drives import RESULT_FILES, Simulated, lines, run, write
+from drives import RESULT_FILES, Replayed, Simulated, lines, run, write
 from matplotlib.image import imread
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
@@ -42,7 +41,10 @@ def read_map_yaml(path: Path) -> dict[str, str]:
 def test_every_file_is_there(carpark_replay: Replayed) -> None:
     names = {path.name for path in carpark_replay.out.iterdir()}
     assert names == {*RESULT_FILES, "map"}
-    assert json.loads((carpark_replay.out / "map" / "map.json").read_text())["version"] == 1
+    assert json.loads((carpark_replay.out / "map" / "manifest.json").read_text()) == {
+        "format": "wayfi-map",
+        "version": 1,
+    }
     assert (carpark_replay.out / "map" / "graph.g2o").stat().st_size > 0
 
 

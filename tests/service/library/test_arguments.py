@@ -1,12 +1,15 @@
 """What a caller mixes up is said at once: one error for each, with the argument, what it must be and what it is."""
 
 import math
+import tomllib
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wayfi
+from wayfi import arguments
 
 T = 1_700_000_000_000_000_000
 MAC = "aa:bb:cc:dd:ee:ff"
@@ -30,8 +33,8 @@ def points(slam: wayfi.Slam, rows: object = ((1.0, 2.0, 3.0),), **fields: object
     slam.add_points(T, rows, **fields)
 
 
-def wifi(slam: wayfi.Slam, levels: object, **fields: object) -> None:
-    slam.add_wifi(T, levels, **fields)
+def wifi(slam: wayfi.Slam, rssi: object, **fields: object) -> None:
+    slam.add_wifi(T, rssi, **fields)
 
 
 WRONG: dict[str, tuple[Callable[..., None], dict[str, object], str]] = {
@@ -63,22 +66,34 @@ WRONG: dict[str, tuple[Callable[..., None], dict[str, object], str]] = {
         {"range_min": 5.0, "range_max": 1.0},
         "range_max: must be more than range_min",
     ),
+    "ranges in millimetres": (scan, {"ranges": np.linspace(500, 8000, 359)}, "ranges: must be in m; .*are these mm"),
+    "ranges in millimetres, their limit in m": (
+        scan,
+        {"ranges": np.linspace(500, 8000, 359), "range_max": 30.0},
+        "ranges: must be in m; .*are these mm",
+    ),
     "range_max is NaN": (scan, {"range_max": math.nan}, "range_max: must be a number of m, or inf; it is nan"),
     "time_increment in ns": (scan, {"time_increment": 27_000.0}, "time_increment: must be the seconds"),
     "a frame without a name": (scan, {"frame_id": ""}, "frame_id: must be a name"),
     "points in the plane": (points, {"rows": [[1.0, 2.0]]}, r"points: must be one row x, y, z .*\(n, 3\)"),
+    "points in millimetres": (
+        points,
+        {"rows": [[900.0, 1.0, 2.0], [1.0, 901.0, 3.0]]},
+        "points: must be in m; .*are these mm",
+    ),
     "times for other points": (points, {"point_times": [0.0, 0.1]}, r"point_times: must be .* \(1,\)"),
     "times since the epoch": (points, {"point_times": [1.7e9]}, "point_times: must be the seconds from t_ns"),
-    "levels in per cent": (wifi, {"levels": {MAC: 61}}, f"level of {MAC}: must be from -120 to 0 dBm; .*per cent"),
-    "a level of none": (wifi, {"levels": {MAC: math.nan}}, f"level of {MAC}: must be from -120 to 0 dBm; it is nan"),
-    "a level of text": (wifi, {"levels": {MAC: "-61"}}, f"level of {MAC}: must be from -120"),
-    "a level below all": (wifi, {"levels": {MAC: -200.0}}, f"level of {MAC}: must be from -120"),
-    "an SSID for a BSSID": (wifi, {"levels": {"cafe": -61.0}}, "levels: must be keyed by BSSIDs such as .*'cafe'"),
-    "a BSSID as a number": (wifi, {"levels": {17: -61.0}}, "levels: must be keyed by BSSIDs"),
-    "a BSSID twice": (wifi, {"levels": {MAC: -61.0, MAC.upper(): -60.0}}, "levels: must be one level for each BSSID"),
-    "pairs": (wifi, {"levels": [(MAC, -61.0)]}, "levels: must be a mapping from BSSID to dBm"),
-    "readings of the future": (wifi, {"levels": {MAC: -61.0}, "age": -1.0}, "age: must be the seconds"),
-    "a receiver by number": (wifi, {"levels": {MAC: -61.0}, "receiver": 1}, "receiver: must be a name"),
+    "RSSI in per cent": (wifi, {"rssi": {MAC: 61}}, f"rssi of {MAC}: must be from -120 to 0 dBm; .*per cent"),
+    "an RSSI of none": (wifi, {"rssi": {MAC: math.nan}}, f"rssi of {MAC}: must be from -120 to 0 dBm; it is nan"),
+    "an RSSI of text": (wifi, {"rssi": {MAC: "-61"}}, f"rssi of {MAC}: must be from -120"),
+    "an RSSI below all": (wifi, {"rssi": {MAC: -200.0}}, f"rssi of {MAC}: must be from -120"),
+    "an SSID for a BSSID": (wifi, {"rssi": {"cafe": -61.0}}, "rssi: must be keyed by BSSIDs such as .*'cafe'"),
+    "a BSSID as a number": (wifi, {"rssi": {17: -61.0}}, "rssi: must be keyed by BSSIDs"),
+    "a BSSID twice": (wifi, {"rssi": {MAC: -61.0, MAC.upper(): -60.0}}, "rssi: must be one number for each BSSID"),
+    "pairs": (wifi, {"rssi": [(MAC, -61.0)]}, "rssi: must be a mapping from BSSID to dBm"),
+    "readings of the future": (wifi, {"rssi": {MAC: -61.0}, "age": -1.0}, "age: must be the seconds"),
+    "an age in milliseconds": (wifi, {"rssi": {MAC: -61.0}, "age": 1500}, "age: .* it is 1500.0 .*milliseconds"),
+    "a receiver by number": (wifi, {"rssi": {MAC: -61.0}, "receiver": 1}, "receiver: must be a name"),
 }
 
 
@@ -100,12 +115,71 @@ def test_a_mount_is_three_numbers_or_seven(mount: object, slam: wayfi.Slam) -> N
         slam.set_mount(mount)
 
 
+def test_a_mount_in_degrees_is_said(slam: wayfi.Slam) -> None:
+    with pytest.raises(wayfi.ArgumentError, match=r"mount: .*is its theta in degrees\?"):
+        slam.set_mount((0.1, 0, 180))
+
+
+def test_a_mount_comes_before_the_first_scan_of_its_laser() -> None:
+    slam = wayfi.Slam()
+    slam.set_mount((0.1, 0.0, 0.0))
+    scan(slam)
+    slam.set_mount((-0.1, 0.0, 3.14), "rear")
+    with pytest.raises(wayfi.ArgumentError, match="must be set before the first scan of 'laser'"):
+        slam.set_mount((0.2, 0.0, 0.0))
+    assert slam.finish().report["messages"] == {"/tf_static": 2, "/scan": 1}
+
+
+@pytest.mark.parametrize("no_return", [1e4, 65535.0, math.inf, math.nan])
+def test_a_driver_s_number_for_no_return_is_no_unit(no_return: float) -> None:
+    scan(wayfi.Slam(), [no_return] * 300 + [2.0] * 59, range_max=30.0)
+
+
+def test_what_is_masked_is_no_return() -> None:
+    ranges = np.ma.masked_greater(np.array([2.0, 3.0, 9.0]), 5.0)
+    taken = arguments.scan_of(T, ranges, 0.0, 0.1, 0.0, math.inf, 0.0, "laser")
+    np.testing.assert_array_equal(taken.ranges, np.float32([2.0, 3.0, np.nan]))
+    whole = np.ma.masked_equal(np.array([2, 3, 9]), 9)
+    np.testing.assert_array_equal(
+        arguments.scan_of(T, whole, 0.0, 0.1, 0.0, math.inf, 0.0, "laser").ranges, np.float32([2.0, 3.0, np.nan])
+    )
+
+
+@pytest.mark.parametrize("config", [3, "", True, ["robot.toml"]])
+def test_what_is_no_configuration_is_said(config: object) -> None:
+    with pytest.raises(wayfi.ArgumentError, match="config: must be a"):
+        wayfi.Slam(config)
+
+
+def test_nested_mappings_are_a_configuration_which_settings_override(tmp_path: Path) -> None:
+    config = {"lidar": {"max_range_m": 12.0, "cloud": {"voxel_m": 0.5}}, "wifi": {"enabled": False}}
+    wayfi.Slam(config, **{"wifi.enabled": True}).finish().save(tmp_path)
+    text = (tmp_path / "config.toml").read_text()
+    assert "max_range_m = 12.0" in text
+    assert "voxel_m = 0.5" in text
+    assert tomllib.loads(text)["wifi"]["enabled"] is True
+
+
+@pytest.mark.parametrize("path", [None, 3, "", b"out"])
+def test_what_is_no_path_is_said(path: object) -> None:
+    with pytest.raises(wayfi.ArgumentError, match="directory: must be a path; it is"):
+        wayfi.load_result(path)
+    with pytest.raises(wayfi.ArgumentError, match="recording: must be a path"):
+        wayfi.replay(path, "out")
+    if path is not None:
+        with pytest.raises(wayfi.ArgumentError, match="calibration: must be a path"):
+            wayfi.Slam(calibration=path)
+        with pytest.raises(wayfi.ArgumentError, match="rrd: must be a path"):
+            wayfi.Slam(rrd=path)
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
         ({"max_range_m": 12}, "max_range_m: there is no such argument; a setting is given by section.key"),
         ({"lidar.max_range": 12}, "lidar.max_range: there is no such key"),
         ({"lidar.max_range_m": "far"}, "lidar.max_range_m: Input should be a valid number"),
+        ({"lidar.max_range_m": None}, "lidar.max_range_m: must be a text, a number, .* it is None"),
         ({"lidar.max_range_m": object()}, "lidar.max_range_m: must be a text, a number"),
         ({"lidar.max_range_m": math.nan}, "lidar.max_range_m"),
     ],
@@ -117,12 +191,12 @@ def test_a_setting_that_does_not_exist_or_fit_is_said(settings: dict[str, object
 
 def test_what_is_meant_is_taken() -> None:
     slam = wayfi.Slam(**{"lidar.max_range_m": np.float32(12.0), "lidar.mount": np.array([0.1, 0.0, 0.0])})
+    slam.set_mount([0.2, 0.0, 0.0])
     slam.add_odometry(np.int64(T), 0, np.float32(0.0), 7 * math.pi / 2)
     slam.add_scan(T, np.array(BEAMS, np.uint16), angle_min=3.14, angle_increment=-0.0175, range_max=30)
     slam.add_points(T, [[1, 2, 3]], point_times=[0])
     slam.add_wifi(T, {"AA-BB-CC-DD-EE-FF": -61, "02:00:00:00:00:01": np.float32(-70.0)}, age=0.5)
     slam.add_wifi(T, {}, receiver="other", age={})
-    slam.set_mount([0.2, 0.0, 0.0])
     assert slam.pose == wayfi.Pose2()
     report = slam.finish().report
     assert report["messages"] == {"/odom": 1, "/scan": 1, "/points": 1, "/wifi": 2, "/tf_static": 1}

@@ -1,12 +1,13 @@
 """A result is the same from a Slam, from a replay, and read again from its folder."""
 
+import pickle
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 from drives import RESULT_FILES, Simulated, write
-from streaming import stream
+from streaming import hand_in, stream
 
 import wayfi
 from wayfi.recordings.files.tables import CLOSURE_COLUMNS
@@ -54,6 +55,20 @@ def test_a_result_that_was_read_is_saved_as_it_is(replayed: tuple[wayfi.Result, 
     }
     result.save(out)
     assert len(wayfi.load_result(out).trajectory) == 601
+
+
+def test_a_result_may_be_pickled(replayed: tuple[wayfi.Result, Path], minute: Simulated, tmp_path: Path) -> None:
+    slam = wayfi.Slam()
+    for arrival in minute.arrivals[:200]:
+        hand_in(arrival.measurement, slam)
+    for name, result in (("read", replayed[0]), ("streamed", slam.finish())):
+        again = pickle.loads(pickle.dumps(result))
+        np.testing.assert_array_equal(again.trajectory.poses, result.trajectory.poses)
+        result.save(tmp_path / name / "once")
+        again.save(tmp_path / name / "again")
+        for file in ("trajectory.tum", "closures.csv", "map.pgm", "graph.g2o"):
+            once, twice = (tmp_path / name / folder / file for folder in ("once", "again"))
+            assert once.read_bytes() == twice.read_bytes()
 
 
 def test_settings_configuration_and_calibration_are_taken(
@@ -107,7 +122,7 @@ def test_a_file_that_is_missing_or_another_is_said(
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text(",".join(CLOSURE_COLUMNS))
-    with pytest.raises(wayfi.WayfiError, match="cannot be written"):
+    with pytest.raises(wayfi.ResultError, match="cannot be written"):
         wayfi.Slam().finish().save(tmp_path / "file" / "out")
     with pytest.raises(wayfi.WayfiError, match=r"nothing\.mcap"):
         wayfi.replay(tmp_path / "nothing.mcap", tmp_path / "out")

@@ -128,7 +128,7 @@ def test_a_slam_that_has_finished_says_so() -> None:
     slam.add_odometry(T, 0.0, 0.0, 0.0)
     slam.finish()
     for use in (slam.finish, lambda: slam.add_odometry(T + 10**9, 0.0, 0.0, 0.0), lambda: slam.set_mount((0, 0, 0))):
-        with pytest.raises(wayfi.WayfiError, match="this Slam has finished"):
+        with pytest.raises(wayfi.FinishedError, match="this Slam has finished"):
             use()
     assert slam.pose == wayfi.Pose2()
 
@@ -138,6 +138,8 @@ def test_a_drive_of_nothing_finishes(tmp_path: Path) -> None:
     result.save(tmp_path / "a" / "b")
     assert len(result.trajectory) == 0
     assert (tmp_path / "a" / "b" / "trajectory.tum").read_text() == ""
+    read = wayfi.load_result(tmp_path / "a" / "b")
+    assert (len(read.trajectory), len(read.online), read.trajectory.poses.shape) == (0, 0, (0, 3))
 
 
 def test_a_rerun_file_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
@@ -145,6 +147,30 @@ def test_a_rerun_file_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
     slam.add_odometry(T, 0.0, 0.0, 0.0)
     slam.finish()
     assert (tmp_path / "drive.rrd").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("path", ["nowhere/drive.rrd", "."])
+def test_a_rerun_file_that_cannot_be_written_is_said_at_once(
+    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(wayfi.ArgumentError, match="rrd: must be a file that can be written"):
+        wayfi.Slam(rrd=path)
+
+
+def test_a_rerun_file_that_fails_stops_no_drive(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    slam = wayfi.Slam(rrd=tmp_path / "drive.rrd")
+    slam._rrd._log._process.kill()
+    slam._rrd._log._process.wait()
+    for t_ns, (x, y, theta), ranges, _ in robot():
+        events = slam.add_odometry(t_ns, x, y, theta)
+        assert any(isinstance(event, PosePublished) for event in events)
+        slam.add_scan(t_ns, ranges, angle_min=-3.14, angle_increment=0.0175)
+    assert slam.pose is not None
+    assert slam.pose.x == pytest.approx(3.9, abs=0.1)
+    report = slam.finish().report
+    assert report["warnings"][0].startswith("rrd: the log ended early")
+    assert caplog.text.count("the drive goes on without it") == 1
 
 
 def test_a_calibration_is_taken_up(tmp_path: Path) -> None:

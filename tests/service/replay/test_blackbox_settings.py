@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from daemons import odometry
+from live.daemons import odometry
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.frontends.calibration import Calibration

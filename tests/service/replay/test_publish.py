@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from daemons import odometry
-from loopback import free_port
+from live.daemons import odometry
+from live.loopback import free_port
 
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import (

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Replayed
-from drives import RESULT_FILES, Simulated, ate_m, lines, replay_by_cli, run, write
+from drives import RESULT_FILES, Replayed, Simulated, ate_m, lines, replay_by_cli, run, write
 
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, WifiScan
 from wayfi.recordings.files.tum import read_tum

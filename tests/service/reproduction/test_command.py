@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import Replayed
-from drives import Simulated, ate_m, write
+from drives import Replayed, Simulated, ate_m, write
 from typer.testing import CliRunner, Result
 
 from wayfi.frontends.measurements import LaserScan, Measurement, WifiScan

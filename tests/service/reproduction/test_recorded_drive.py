@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import SECOND_NS, Arrival, write
+from drives import Arrival, write
 from reproduced_drives import silent
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, WifiScan
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, Measurement, Odometry, WifiScan
 from wayfi.service.reproduction.errors import ReproductionError
 from wayfi.service.reproduction.recorded_drive import RecordedDrive, read_drive
 

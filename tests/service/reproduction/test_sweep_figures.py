@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from drives import SECOND_NS
 
 from wayfi.backend.pose2 import between_all, compose_all
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.reproduction.sweep_figures import closure_errors
 

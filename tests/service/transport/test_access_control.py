@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import zenoh
-from loopback import ACCESS_RULES, as_user, endpoint, eventually
+from live.loopback import ACCESS_RULES, as_user, endpoint, eventually
 
 from wayfi.service.config import SecurityConfig, ZenohConfig
 from wayfi.service.transport.zenoh_session import (

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from daemons import Running, odometry, running
-from loopback import eventually
+from live.daemons import Running, odometry, running
+from live.loopback import eventually
 
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording

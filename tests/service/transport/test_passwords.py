@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from loopback import CLI, as_user, daemon_process, endpoint, eventually, logged, secret, settings_words
+from live.loopback import CLI, as_user, daemon_process, endpoint, eventually, logged, secret, settings_words
 
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import ODOMETRY

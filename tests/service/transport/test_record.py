@@ -4,8 +4,8 @@ import signal
 import subprocess
 from pathlib import Path
 
-from daemons import odometry
-from loopback import CLI, eventually, free_port
+from live.daemons import odometry
+from live.loopback import CLI, eventually, free_port
 
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.mcap.writer import McapWriter

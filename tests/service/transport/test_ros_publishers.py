@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
-from loopback import eventually, free_port
+from live.loopback import eventually, free_port
 from zenoh.ext import (
     HistoryConfig,
     Int64,
@@ -19,21 +19,21 @@ from wayfi.backend.graph.health import State
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
-from wayfi.frontends.measurements import Sensor, StaticTransforms
+from wayfi.frontends.measurements import SECOND_NS, Sensor, StaticTransforms
 from wayfi.recordings.ros.codec import decode
-from wayfi.recordings.ros.messages import NS_PER_S, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
+from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ConfigError, ZenohConfig, load_config
 from wayfi.service.transport.output_messages import map_message
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
-GRID = GridRedrawn(7 * NS_PER_S, np.array([[0.1, 0.5, 0.9]], np.float32), 0.05, (-1.0, 2.0))
+GRID = GridRedrawn(7 * SECOND_NS, np.array([[0.1, 0.5, 0.9]], np.float32), 0.05, (-1.0, 2.0))
 
 
 def pose_event(number: int) -> PosePublished:
     T = Pose2(1.0 + number, 2.0, 0.5)
-    return PosePublished((number + 1) * NS_PER_S, T, Pose2(0.0, 0.0, 0.0), T, np.eye(3), State.TRACKING)
+    return PosePublished((number + 1) * SECOND_NS, T, Pose2(0.0, 0.0, 0.0), T, np.eye(3), State.TRACKING)
 
 
 class Heard:
@@ -99,7 +99,7 @@ def _check_messages(poses: list[bytes], transforms: list[bytes], grid: bytes) ->
     for number, data in enumerate(transforms):
         read = decode(data, Sensor.TF_STATIC, Encoding.CDR)
         assert isinstance(read, StaticTransforms)
-        assert read.stamp_ns == (number + 1) * NS_PER_S
+        assert read.stamp_ns == (number + 1) * SECOND_NS
         assert [(t.frame_id, t.child_frame_id) for t in read.transforms] == [("map", "odom")]
     message = TYPESTORE.deserialize_cdr(grid, OCCUPANCY_GRID)
     assert message.data.tolist() == [0, -1, 100]

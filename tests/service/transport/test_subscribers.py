@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from loopback import eventually, free_port
+from live.loopback import eventually, free_port
 from zenoh.ext import (
     CacheConfig,
     Int64,
@@ -16,9 +16,8 @@ from zenoh.ext import (
 )
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import Odometry, Sensor, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor, StaticTransform, StaticTransforms
 from wayfi.recordings.ros.codec import encode
-from wayfi.recordings.ros.messages import NS_PER_S
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import RecordingConfig, ZenohConfig
 from wayfi.service.transport.message_queue import MessageQueue, Received, limits_of
@@ -76,7 +75,7 @@ def daemon(request: pytest.FixtureRequest) -> Iterator[Listening]:
 
 
 def odometry(number: int, encoding: Encoding = Encoding.CDR) -> bytes:
-    return encode(Odometry((number + 1) * NS_PER_S // 10, Pose2(0.1 * number, 0.0, 0.0)), encoding)
+    return encode(Odometry((number + 1) * SECOND_NS // 10, Pose2(0.1 * number, 0.0, 0.0)), encoding)
 
 
 def mount(child: str) -> bytes:

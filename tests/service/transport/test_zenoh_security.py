@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from loopback import ACCESS_RULES, Authority, daemon_process, endpoint, secret, with_certificate
+from live.loopback import ACCESS_RULES, Authority, daemon_process, endpoint, secret, with_certificate
 
 from wayfi.service.config import SecurityConfig, ZenohConfig
 from wayfi.service.transport.zenoh_security import SecurityError

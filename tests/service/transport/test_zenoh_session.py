@@ -6,7 +6,7 @@ from typing import Any
 import psutil
 import pytest
 import zenoh
-from loopback import daemon_process, endpoint, eventually, free_port, logged
+from live.loopback import daemon_process, endpoint, eventually, free_port, logged
 
 from wayfi.service.config import ZenohConfig
 from wayfi.service.transport.zenoh_session import (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from daemons import Robot, Running
+from live.daemons import Robot, Running
 from PIL import Image
 
 from wayfi.recordings.files.map_files import UNKNOWN

@@ -50,9 +50,9 @@ def hand_in(m: Measurement, slam: wayfi.Slam) -> None:
         case PointCloud():
             slam.add_points(m.stamp_ns, m.points, point_times=m.time_s, frame_id=m.frame_id)
         case WifiScan():
-            levels = dict(zip(m.bssids, m.rssi.tolist(), strict=True))
+            rssi = dict(zip(m.bssids, m.rssi.tolist(), strict=True))
             ages = dict(zip(m.bssids, m.age_s.tolist(), strict=True))
-            slam.add_wifi(m.stamp_ns, levels, receiver=m.receiver, age=ages)
+            slam.add_wifi(m.stamp_ns, rssi, receiver=m.receiver, age=ages)
         case StaticTransforms():
             for t in m.transforms:
                 if t.frame_id == "base_link":

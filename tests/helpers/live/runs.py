@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from daemons import Running, message_of
+from live.daemons import Running, message_of
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import Odometry, Sensor
+from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
-from wayfi.recordings.ros.messages import NS_PER_S, POSE_WITH_COVARIANCE
+from wayfi.recordings.ros.messages import POSE_WITH_COVARIANCE
 from wayfi.recordings.ros.ros_messages import Message
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.trajectory import Trajectory
@@ -35,7 +35,7 @@ def poses_of(daemon: Running) -> list[Message]:
 
 
 def stamp_ns(header: Message) -> int:
-    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
+    return int(header.stamp.sec) * SECOND_NS + int(header.stamp.nanosec)
 
 
 def pose_of(message: Message) -> Pose2:

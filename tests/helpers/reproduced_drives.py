@@ -1,9 +1,9 @@
 """Small drives with known truth, and what is heard on them, for the tests of the batch method."""
 
 import numpy as np
-from drives import SECOND_NS
 
 from wayfi.backend.pose2 import Floats, between_all, compose_all, wrap
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.wifi.readings import Readings
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.reproduction.similarities import Similarities

@@ -26,6 +26,7 @@ from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.simulation.recorder import SimulatedRecording
 from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start
 from wayfi.recordings.simulation.worlds import World
 from wayfi.recordings.trajectory import Trajectory
@@ -33,7 +34,6 @@ from wayfi.service.config import load_config
 from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.replay import ReplayOptions, replay
 
-SECOND_NS = 1_000_000_000
 RESULT_FILES = (
     *("trajectory.tum", "online.tum", "session.rrd", "closures.csv", "map.pgm", "map.yaml", "map.png", "graph.g2o"),
     *("radio.csv", "report.json", "config.toml", "calibration.toml"),
@@ -136,6 +136,15 @@ def cli(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-m", "wayfi.service.cli", *map(str, arguments)]
     environment = {**os.environ, "RERUN_ANALYTICS": "0", "COLUMNS": "200"}
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=500, check=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A recording, the folder of its replay, and the report."""
+
+    simulated: SimulatedRecording
+    out: Path
+    report: dict[str, Any]
 
 
 def replay_by_cli(recording: Path, out: Path, *options: str | Path) -> dict[str, Any]:

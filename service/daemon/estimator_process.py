@@ -19,7 +19,7 @@ PIPE_BYTES = 1 << 20  # some seconds of a planar laser, recorded and not yet pro
 CHECKPOINT_EVERY = 2000  # messages: a second or two of work, which a restart has to repeat
 
 
-class Estimation:
+class EstimatorProcess:
     """Feeds its process the items of `backlog`, each recorded before it is sent; calls `wake` when there are `reports`.
 
     `ended` says whether the process has ended.

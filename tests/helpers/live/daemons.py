@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from loopback import CLI, eventually, free_port
+from live.loopback import CLI, eventually, free_port
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import Odometry

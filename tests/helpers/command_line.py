@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from conftest import Replayed
+from drives import Replayed
 from typer.testing import CliRunner, Result
 
 from wayfi.service.cli.app import app

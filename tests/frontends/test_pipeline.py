@@ -5,11 +5,11 @@ from drives import Simulated
 
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished
 from wayfi.frontends.pipeline import Pipeline
-from wayfi.frontends.result import Result
+from wayfi.frontends.result import DriveEstimate
 from wayfi.service.config import load_config
 
 
-def driven(drive: Simulated) -> tuple[list[Event], list[Event], Result]:
+def driven(drive: Simulated) -> tuple[list[Event], list[Event], DriveEstimate]:
     pipeline = Pipeline(load_config((), ()))
     events = [event for arrival in drive.arrivals for event in pipeline.process(arrival.measurement)]
     result, last = pipeline.finish()

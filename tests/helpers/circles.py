@@ -1,11 +1,10 @@
 """Rounds on a circle, by wheels that err, with or without a laser: what loops are closed on."""
 
 import math
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from rooms import HALL, see
 
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.factors import WheelFactor
@@ -18,9 +17,6 @@ from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
 from wayfi.frontends.wifi.readings import Readings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from rooms import HALL, see
 
 ODOMETRY = OdometryConfig()
 PRIOR = calibration_prior(ODOMETRY)
