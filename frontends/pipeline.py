@@ -175,7 +175,7 @@ class Pipeline:
             latest = self._path.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
-            yield from self._advance(scan_ns, self._laser_leads.register(scan_ns, scan))
+            yield from self._advance(scan_ns, self._laser_leads.match(scan_ns, scan))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""

@@ -16,8 +16,8 @@ class LaserLead:
         self._planar = LaserOdometry(config)
         self._spatial = CloudLead(config)
 
-    def register(self, stamp_ns: int, sweep: Sweep) -> Pose2:
+    def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
         """T_odom_base at `stamp_ns`, the sweep's."""
         if isinstance(sweep, PointCloud):
-            return self._spatial.register(stamp_ns, *self._scans.clouds.band(sweep))
-        return self._planar.register(self._scans.points(sweep))
+            return self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep))
+        return self._planar.match(self._scans.points(sweep))
