@@ -75,7 +75,7 @@ class LivePose:
     def add(self, m: Odometry) -> PosePublished | None:
         """The pose for the next message; None where the message is dropped, or the laser leads."""
         self._since.append(m)
-        point = self._estimate.odometry.accept(m)
+        point = self._estimate.odometry.accept(m).point
         if point is None:
             return None
         if self._estimate.serial == 0 and self._estimate.anchor is None:
@@ -93,7 +93,7 @@ class LivePose:
         while len(self._since) > newer:
             self._since.popleft()
         self._estimate = estimate
-        reached = [(m, estimate.odometry.accept(m)) for m in self._since]
+        reached = [(m, estimate.odometry.accept(m).point) for m in self._since]
         if not laser_led or estimate.anchor is None:
             return []
         return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
