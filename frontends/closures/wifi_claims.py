@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.closures.consensus import ConsensusConfig, Pairs
+from wayfi.frontends.closures.closure_config import ConsensusConfig
+from wayfi.frontends.closures.consensus import Pairs
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 

@@ -15,8 +15,8 @@ from wayfi.backend.graph.factors import NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
+from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
-    ConsensusConfig,
     Hypothesis,
     Pairs,
     best_hypothesis,
