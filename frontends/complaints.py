@@ -5,10 +5,9 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from wayfi.frontends.events import Warned
-from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.measurements import PAUSE_NS, SECOND_NS
 
 SILENT = "silent"
-PAUSE_NS = SECOND_NS  # sensors send every second or more often: a longer step of the odometry is its own pause
 
 
 @dataclass(frozen=True, slots=True)

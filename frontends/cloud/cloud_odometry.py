@@ -9,6 +9,7 @@ from wayfi.frontends.cloud.height_band import deskew
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import ScanMatch, match_covariance, without_prior
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
+from wayfi.frontends.measurements import NANOSECOND_S
 
 
 class CloudOdometry:
@@ -73,7 +74,7 @@ class CloudLead:
 
     def match(self, stamp_ns: int, points: Floats, time_s: Floats) -> Pose2:
         """T_odom_base at `stamp_ns` from the band's points (n, 3) in base_link, each taken `time_s` (n,) after it."""
-        cloud, seconds = self._config.cloud, (stamp_ns - self._stamp_ns) * 1e-9
+        cloud, seconds = self._config.cloud, (stamp_ns - self._stamp_ns) * NANOSECOND_S
         if len(points) == 0 or (seconds < cloud.shortest_step_s and not self._map.empty):
             return self._pose @ Pose2.of(self._velocity * min(seconds, cloud.longest_gap_s))
         if seconds > cloud.longest_gap_s:

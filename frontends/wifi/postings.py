@@ -27,7 +27,10 @@ BLOCK = 32  # postings: an access point is heard over some ten metres; a last bl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
-    """(m,) `numbers` of the fingerprints that have most in common with one, rising, and the number of postings read."""
+    """(m,) `numbers` of the fingerprints that have most in common with one, rising.
+
+    `postings_read` is the number of postings read, by which the tests hold the bound of the cost.
+    """
 
     numbers: NDArray[np.int64]
     postings_read: int
