@@ -5,15 +5,14 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from wayfi.frontends.events import Warned
-from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.measurements import PAUSE_NS, SECOND_NS
 
 SILENT = "silent"
-PAUSE_NS = SECOND_NS  # sensors send every second or more often: a longer step of the odometry is its own pause
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """There is a complaint while `faulty` or more of the last `window` samples were faulty; `ends` is its last text."""
+    """A complaint lasts while `faulty` or more of the last `window` samples are; `ends` is the text of its end."""
 
     faulty: int
     window: int

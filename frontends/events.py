@@ -90,12 +90,11 @@ class KeyframeAdded:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubmapMatched:
-    """One scan matching against the local submap, before and after; points (n, 2) m, `submap` in `map`."""
+    """One scan match with the local submap: `submap` (n, 2) m in `map`, and the pose of the keyframe after it."""
 
     stamp_ns: int
     keyframe: int
     submap: Floats
-    T_map_guess: Pose2
     T_map_base: Pose2
     inlier_ratio: float
 

@@ -89,7 +89,7 @@ class GraphEstimate:
         """Distance (m) between the end of the newest step as estimated and by the calibrated wheels."""
         if len(self._keyframes) < 2:
             return 0.0
-        before, newest = self._keyframes[len(self._keyframes) - 2], self._keyframes[len(self._keyframes) - 1]
+        before, newest = self._keyframes[len(self._keyframes) - 2], self._keyframes.newest
         expected = before.point.motion_to(newest.point).corrected(self.calibration)
         step = Pose2.of(self.poses[-2]).between(Pose2.of(self.poses[-1]))
         return step.distance(expected)

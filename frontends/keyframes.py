@@ -34,6 +34,11 @@ class Keyframes:
     def __getitem__(self, number: int) -> Keyframe:
         return self._keyframes[number]
 
+    @property
+    def newest(self) -> Keyframe:
+        """The newest keyframe. Raises IndexError before the first."""
+        return self._keyframes[-1]
+
     def append(self, keyframe: Keyframe) -> None:
         """Add the next keyframe."""
         if len(self) == len(self._paths):
@@ -65,14 +70,12 @@ class Keyframes:
         """(n,) whether each keyframe holds a scan."""
         return self._has_scan[: len(self)]
 
-    def scans_around(
-        self, first: int, last: int, origin: Floats, poses: Floats
-    ) -> tuple[list[ScanPoints], Floats, NDArray[np.int64]]:
-        """Scans of keyframes first..last (excluded), their (n, 3) poses in the frame at `origin`, their numbers."""
+    def scans_around(self, first: int, last: int, origin: Floats, poses: Floats) -> tuple[list[ScanPoints], Floats]:
+        """Scans of keyframes first..last (excluded), and their (n, 3) poses in the frame at `origin`."""
         numbers = [k for k in range(max(first, 0), min(last, len(self))) if self[k].scan is not None]
         scans = [scan for k in numbers if (scan := self[k].scan) is not None]
         placed = between_all(origin, poses[numbers]) if numbers else np.empty((0, 3))
-        return scans, placed, np.array(numbers, np.int64)
+        return scans, placed
 
 
 def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:

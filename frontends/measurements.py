@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Pose2
 
 SECOND_NS = 1_000_000_000
+NANOSECOND_S = 1e-9
+PAUSE_NS = SECOND_NS  # sensors send every second or more often: a longer step between messages is a pause of their own
 
 
 class Sensor(StrEnum):

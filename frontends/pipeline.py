@@ -1,7 +1,6 @@
 """The stream: process(measurement) -> [events]. A pure function of what it is fed; it reads no clock."""
 
 from collections.abc import Generator, Iterator
-from contextlib import nullcontext
 
 import numpy as np
 
@@ -23,16 +22,15 @@ from wayfi.frontends.measurements import (
     Sweep,
     WifiScan,
 )
-from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
+from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.odometry_config import calibration_prior
-from wayfi.frontends.odometry.timebase import Stamped
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.frontends.timer import Timer
+from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 
 ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
@@ -43,7 +41,7 @@ class Pipeline:
 
     def __init__(self, config: SlamConfig, calibration: Calibration | None = None, timer: Timer | None = None) -> None:
         self._config = config
-        self._timer: Timer = timer or (lambda _: nullcontext())
+        self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar)
@@ -105,38 +103,33 @@ class Pipeline:
         return self._path.latest.stamp_ns if self._path.latest else 0
 
     def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
-        stamped = self._odometry.stamp(m)
-        yield from self._warn_of_shift(stamped)
-        if stamped.dropped:
-            yield Dropped(Sensor.ODOM, stamped.stamp_ns, stamped.dropped)
-            return
-        yield from self._end_laser_lead(stamped.stamp_ns)
-        if self._odometry.is_late(stamped.stamp_ns):
-            yield Dropped(Sensor.ODOM, stamped.stamp_ns, DropReason.TOO_LATE)
-            return
-        yield from self._scans.compare(stamped.stamp_ns, self._lead_after_ns)
-        yield from self._wifi.compare(stamped.stamp_ns)
-        yield from self._advance(stamped.stamp_ns, m.pose, published)
-
-    def _end_laser_lead(self, stamp_ns: int) -> Iterator[Event]:
-        if self._laser_leads:
+        accepted = self._odometry.accept(m)
+        yield from self._warn_of_shift(accepted.stamp_ns, accepted.shift_ns)
+        if accepted.ends_laser_lead:
             self._laser_leads = None
-            self._path.restart()
-            yield Warned(stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
+            yield Warned(accepted.stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
+        if accepted.dropped:
+            yield Dropped(Sensor.ODOM, accepted.stamp_ns, accepted.dropped)
+            return
+        yield from self._scans.compare(accepted.stamp_ns, self._lead_after_ns)
+        yield from self._wifi.compare(accepted.stamp_ns)
+        yield from self._follow(accepted, m.pose, published)
 
-    def _advance(self, stamp_ns: int, T_odom_base: Pose2, published: PosePublished | None = None) -> Iterator[Event]:
-        """Add a pose to the path, use what waited for it, then publish the pose in `map`."""
-        if not self._path.advance(stamp_ns, T_odom_base):
-            yield Warned(stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
-        point = self._path.latest
+    def _follow(
+        self, accepted: Accepted, T_odom_base: Pose2, published: PosePublished | None = None
+    ) -> Iterator[Event]:
+        """Use what waited for the path's newest point, then publish the pose in `map`."""
+        point = accepted.point
         assert point is not None
+        if not accepted.plausible:
+            yield Warned(point.stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
         if not self._slam.has_keyframes:
             yield from self._slam.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
         yield self._publish(point, T_odom_base, published)
-        yield from self._slam.redraw_grid(stamp_ns)
+        yield from self._slam.redraw_grid(point.stamp_ns)
 
     def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> PosePublished:
         if published is None or published.stamp_ns != point.stamp_ns:
@@ -168,14 +161,15 @@ class Pipeline:
         """Drive by scan matching from scan to scan in place of the odometry that does not come."""
         if self._laser_leads is None:
             self._laser_leads = LaserLead(self._config.lidar, self._scans)
-            self._path.restart()
+            self._odometry.begin_laser_lead()
             yield Warned(stamp_ns, "no odometry: the laser leads")
         yield from self._wifi.compare(stamp_ns)
         for scan_ns, scan in self._scans.queue.waiting():
             latest = self._path.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
-            yield from self._advance(scan_ns, self._laser_leads.register(scan_ns, scan))
+            T_odom_base = self._laser_leads.match(scan_ns, scan)
+            yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base), T_odom_base)
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""
@@ -228,15 +222,15 @@ class Pipeline:
     def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:
         """The stamp on the time base as the generator's return value; None if the message is dropped."""
         stamped = self._odometry.time.accept(sensor, stamp_ns)
-        yield from self._warn_of_shift(stamped)
+        yield from self._warn_of_shift(stamped.stamp_ns, stamped.shift_ns)
         if stamped.dropped:
             yield Dropped(sensor, stamped.stamp_ns, stamped.dropped)
             return None
         return stamped.stamp_ns
 
-    def _warn_of_shift(self, stamped: Stamped) -> Iterator[Event]:
-        if stamped.shift_ns:
-            where = "back" if stamped.shift_ns > 0 else "forward again"
-            shift_s = self._odometry.time.offset_ns * 1e-9
+    def _warn_of_shift(self, stamp_ns: int, shift_ns: int) -> Iterator[Event]:
+        if shift_ns:
+            where = "back" if shift_ns > 0 else "forward again"
+            shift_s = self._odometry.time.offset_ns / SECOND_NS
             text = f"the clock was set {where}: stamps are shifted by {shift_s:+.3f} s from here on"
-            yield Warned(stamped.stamp_ns, text)
+            yield Warned(stamp_ns, text)

@@ -19,7 +19,6 @@ from wayfi.frontends.closures.wifi_closer import WifiCloser
 from wayfi.frontends.cloud.cloud_odometry import CloudOdometry
 from wayfi.frontends.events import Event, FingerprintAdded, GridRedrawn, KeyframeAdded, SubmapMatched
 from wayfi.frontends.graph_estimate import GraphEstimate
-from wayfi.frontends.intake.scan_intake import PlacedScan
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
@@ -27,7 +26,7 @@ from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
-from wayfi.frontends.scan_points import ScanPoints
+from wayfi.frontends.scan_points import PlacedScan, ScanPoints
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprint_index import Similar
@@ -70,7 +69,7 @@ class SlamCore:
 
     def motion_to(self, point: PathPoint) -> WheelMotion:
         """The wheels' motion from the newest keyframe to `point`."""
-        return self.keyframes[len(self.keyframes) - 1].point.motion_to(point)
+        return self.keyframes.newest.point.motion_to(point)
 
     def keyframe_factor(self) -> float:
         """A factor on the distance between keyframes, below 1 where scan matching finds the wheels poor."""
@@ -78,7 +77,7 @@ class SlamCore:
 
     def anchor(self) -> Anchor:
         """The newest keyframe as the anchor of poses since then."""
-        estimate, point = self._estimate, self.keyframes[len(self.keyframes) - 1].point
+        estimate, point = self._estimate, self.keyframes.newest.point
         scale = self._tracker.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
 
@@ -90,7 +89,7 @@ class SlamCore:
         self._append(point, placed, guess)
         moved = self._graph.pending
         updated = self._estimate.update(point.stamp_ns)
-        events = self._keyframe_events(number, tracked, guess, updated)
+        events = self._keyframe_events(number, tracked, updated)
         with self._timer("closure"):
             if moved:
                 events += self._review()
@@ -149,7 +148,7 @@ class SlamCore:
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
-        events = self._settle(self.keyframes[len(self.keyframes) - 1].point.stamp_ns) if self.has_keyframes else []
+        events = self._settle(self.keyframes.newest.point.stamp_ns) if self.has_keyframes else []
         with self._timer("map"):
             grid = self._grid.settle(self.poses)
         stamps_ns = trajectories.stamps_ns()
@@ -242,9 +241,7 @@ class SlamCore:
         sensor = placed.points.T_base_laser if placed else Pose2()
         self._grid.add(placed.hits if placed else NO_HITS, (sensor.x, sensor.y))
 
-    def _keyframe_events(
-        self, number: int, tracked: KeyframeMatch | None, guess: Pose2, updated: list[Event]
-    ) -> list[Event]:
+    def _keyframe_events(self, number: int, tracked: KeyframeMatch | None, updated: list[Event]) -> list[Event]:
         """The events of the new keyframe, of the update of the graph, and of the match of its scan."""
         keyframe, T_map_base = self.keyframes[number], Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan
@@ -252,7 +249,7 @@ class SlamCore:
         if tracked is None:
             return [added, *updated]
         submap = Pose2.of(self.poses[-2]).transform(tracked.submap)
-        return [added, *updated, SubmapMatched(keyframe.point.stamp_ns, number, submap, guess, T_map_base, ratio)]
+        return [added, *updated, SubmapMatched(keyframe.point.stamp_ns, number, submap, T_map_base, ratio)]
 
 
 def _points(scan: ScanPoints | None) -> NDArray[np.float32]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.grid.map_config import MapConfig
-from wayfi.frontends.closures.lidar_check import ClosureConfig
+from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.wifi_config import WifiConfig

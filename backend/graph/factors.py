@@ -12,6 +12,8 @@ from wayfi.backend.errors import WayfiError
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 
+SYMMETRY = 1e-6  # relative, of a covariance's two halves: far above rounding, far below what is a mistake
+
 
 class FactorError(WayfiError):
     """A factor that the graph could not be solved with."""
@@ -57,7 +59,7 @@ def closes_loop(factor: Factor) -> bool:
 
 
 def validate(factor: Factor, keyframes: int) -> None:
-    """Raises FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
+    """Raise FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
     if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
         raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")
@@ -81,7 +83,7 @@ def _validate_motion(name: str, factor: BetweenFactor | WheelFactor) -> None:
 
 
 def _validate_covariance(name: str, covariance: Floats) -> None:
-    if covariance.shape != (3, 3) or not np.allclose(covariance, covariance.T, rtol=1e-6):
+    if covariance.shape != (3, 3) or not np.allclose(covariance, covariance.T, rtol=SYMMETRY):
         raise FactorError(f"{name}: its covariance must be a symmetric 3 x 3 matrix")
     if np.linalg.eigvalsh(covariance)[0] <= 0:
         raise FactorError(f"{name}: its covariance must be positive definite")

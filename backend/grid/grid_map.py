@@ -18,7 +18,8 @@ from wayfi.backend.pose2 import Floats, wrap_all
 SUBMAP_KEYFRAMES = 20  # 10 m: drawn in 4 ms, moved by a closure almost as one, and no more than MAX_SCANS
 REDRAWN_SUBMAPS = 5  # that moved, at one redraw: 100 scans, 20 ms
 REDRAW_KEYFRAMES = 10  # with scans, between two redraws: a new grid every 5 m
-CELLS_PER_KEYFRAME = 100_000  # of map, or ten times as many merged: a larger redraw waits for more keyframes
+CELLS_PER_KEYFRAME = 100_000  # of map: a larger redraw waits for more keyframes
+MERGED_PER_CELL = 10  # cells that count as one of map: merging a cell takes less than a tenth of the time
 SLACK = 200  # cells that the base grows by at once: 10 m, as many as a submap adds
 
 
@@ -77,7 +78,9 @@ class GridMap:
         merged_cells = self._update_base(bounding_window(changed))
         grid = self._grid()
         self._new_scans = 0
-        self._due_after = max(REDRAW_KEYFRAMES, (grid.evidence.size + merged_cells // 10) // CELLS_PER_KEYFRAME)
+        self._due_after = max(
+            REDRAW_KEYFRAMES, (grid.evidence.size + merged_cells // MERGED_PER_CELL) // CELLS_PER_KEYFRAME
+        )
         return grid
 
     def _choose_resolution(self, poses: Floats) -> None:

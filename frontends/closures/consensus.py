@@ -1,9 +1,9 @@
-"""Finds the turn bias of the wheels with which most of WiFi's pairs of places meet, before any pair is accepted.
+"""Finds the turn bias of the wheels with which most of WiFi's claims hold, before any is accepted.
 
 Wheels that turn by themselves bend the path into a spiral, and a linearised estimate far from the truth settles on the
 wrong number of turns. Dead reckoning with one bias gives a rough trajectory of the whole drive, on which the two places
-of a pair either meet or lie apart by chance. The evidence of a bias is the likelihood of that mixture of true and
-chance pairs, over the likelihood that all pairs are chance.
+of a claim either meet or lie apart by chance. The evidence of a bias is the likelihood of that mixture of true and
+chance claims, over the likelihood that all claims are chance.
 """
 
 import math
@@ -13,38 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoning
-from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats
+from wayfi.frontends.closures.closure_config import ConsensusConfig
 
-# Shares of true pairs at which evidence is computed: within 0.011 nats a pair of the best share from 0.03 to 0.97
+# Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
+SEARCHED_SIGMAS = 4  # of the turn bias, each way: the wheels of one robot in 16,000 are beyond
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
-
-
-@dataclass(frozen=True)
-class ConsensusConfig:
-    """When WiFi's pairs of places agree, and when a pair is accepted or removed."""
-
-    steps: int = option(241, "", "over 4 sigmas each way: 0.001 rad/m apart, 0.1 rad over 100 m")
-    drift: float = option(0.01, "1", "of the path between two places: what the wheels of real robots err at random")
-    min_gain: float = option(4.0, "", "nats by which another bias must be better, while more pairs may come: 55 to 1")
-    min_gain_at_end: float = option(1.0, "", "the same at the end, when there is nothing to wait for")
-    min_posterior: float = option(0.9, "", "of a pair to be true, given the estimate, before it enters the graph")
-    max_apart_m: float = option(3.0, "m", "an accepted pair whose places end further apart is removed")
-    max_apart_sigmas: float = option(3.5, "", "as above, of its own sigma: 1 in 500 true pairs is beyond")
-    prior_pairs: float = option(50.0, "pairs", "that the sigma of the self-similarity counts for against accepted ones")
-    search_growth: float = option(
-        1.2, "", "times as many refused pairs as at the last search make another worth its cost"
-    )
-    window: int = option(500, "pairs", "the newest: bounds the cost; some hours of a robot that keeps coming back")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of places: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames.
+    """The pairs of places of claims: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames.
 
-    Each pair claims to be one place, to `sigma_m` (m,) along each axis, with `path_m` (m,) driven in between. It counts
-    as `weight` (m,), 0 to 1, of an independent pair.
+    A pair is one place, to `sigma_m` (m,) along each axis, if its claim is true. `path_m` (m,) were driven in between.
+    A claim counts as the share `weight` (m,), 0 to 1, of an independent one.
     """
 
     a: NDArray[np.int64]
@@ -109,7 +92,7 @@ def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.
 def best_hypothesis(motions: Floats, pairs: Pairs, prior: WheelCalibration, config: ConsensusConfig) -> Hypothesis:
     """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5) and `pairs`, some of them false."""
     best: Hypothesis | None = None
-    for offset in np.linspace(-4, 4, config.steps):
+    for offset in np.linspace(-SEARCHED_SIGMAS, SEARCHED_SIGMAS, config.steps):
         values = prior.values.copy()
         values[2] += offset * prior.sigmas[2]
         poses = dead_reckoning(motions, values)

@@ -1,53 +1,20 @@
 """From a loop candidate to a verdict: a bounded check by scan matching, and the gate against the estimate."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.health import position_sigma
-from wayfi.backend.options import option
 from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
-from wayfi.frontends.closures.consensus import ConsensusConfig
-from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
+from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
 
-PEAK_BLURS = 3  # sigmas of the field's Gaussian, which ends there: farther off, ICP has found another place
 MIN_SCORE = 1e-9  # of the best pose: keeps the ratio finite where nothing scores
-
-
-@dataclass(frozen=True)
-class ClosureConfig:
-    """Which candidates are checked, how far the check searches, and which of its results become factors."""
-
-    radius_m: float = option(5.0, "m", "the paper: LiDAR closures between poses that the estimate puts this near")
-    min_path_m: float = option(15.0, "m", "nearer along the path the local submap has already closed it")
-    check_every_m: float = option(1.0, "m", "checks nearer to each other see the same walls")
-    closed_m: float = option(
-        6.0, "m", "along the path and the newest closures: between keyframes this near, another one adds nothing"
-    )
-    turn_cost_m_per_rad: float = option(
-        0.5, "m/rad", "of two keyframes as near, the one that looked the same way overlaps more"
-    )
-    submap_reach: int = option(7, "keyframes", "on each side of the candidate: 7 m of path")
-    min_window_m: float = option(0.4, "m", "to each side, however small the covariance: the estimate may be wrong")
-    min_window_rad: float = option(0.1, "rad", "as above")
-    max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
-    max_window_rad: float = option(0.5, "rad", "as above")
-    min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
-    max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
-    max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
-    gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
-    drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
-    drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
-    remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is taken back")
-    reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
-    sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
-    sigma_floor_rad: float = option(0.004, "rad", "as above")
-    consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +78,8 @@ def check(
     covariance = match_covariance(result, lidar.degenerate_below, lidar.sigma_floor_m, lidar.sigma_floor_rad)
     covariance = covariance + diagonal_covariance(config.sigma_floor_m, config.sigma_floor_rad)
     second_peak = peak.second_score / max(peak.score, MIN_SCORE)
-    left_peak = peak.pose.distance(result.T_target_scan) > PEAK_BLURS * lidar.correlative.blur_m
+    # beyond the field's blur around the peak, ICP has found another place
+    left_peak = peak.pose.distance(result.T_target_scan) > BLUR_SIGMAS * lidar.correlative.blur_m
     refused = (
         _refused_fit(result.inlier_ratio, covariance, second_peak, config)
         or ("ICP left the peak that the search found" if left_peak else "")

@@ -1,7 +1,5 @@
 """Loop closures by the laser: candidates from the estimate and from WiFi, checked, and removed if they prove wrong."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +8,9 @@ from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_check import (
     CheckResult,
-    ClosureConfig,
     Expected,
     check,
     innovation_chi2,
@@ -23,6 +21,7 @@ from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 
 
@@ -58,7 +57,7 @@ class LidarCloser:
         verdicts: Verdicts,
         closure: ClosureConfig,
         lidar: LidarConfig,
-        timer: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
+        timer: Timer = untimed,
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
@@ -127,7 +126,7 @@ class LidarCloser:
     def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b
         reach = self._closure.submap_reach
-        scans, placed, _ = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
+        scans, placed = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
         scan = self._keyframes[b].scan
         assert scan is not None
         with self._timer("check"):

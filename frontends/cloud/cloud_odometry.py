@@ -1,4 +1,4 @@
-"""The motion between clouds by KISS-ICP: from keyframe to keyframe beside the wheels, or alone where there are none."""
+"""The motion between clouds by KISS-ICP: from keyframe to keyframe with the wheels as a prior, or without wheels."""
 
 import numpy as np
 
@@ -9,10 +9,11 @@ from wayfi.frontends.cloud.height_band import deskew
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import ScanMatch, match_covariance, without_prior
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
+from wayfi.frontends.measurements import NANOSECOND_S
 
 
 class CloudOdometry:
-    """Registers the cloud of each keyframe to those before it."""
+    """Matches the cloud of each keyframe to those before it."""
 
     def __init__(self, config: LidarConfig) -> None:
         self._config = config
@@ -33,10 +34,10 @@ class CloudOdometry:
             self._restart(thinned)
             return None
         before, map_points = self._pose, self._map.points()
-        match = self._register(thinned, map_points, guess, guess_covariance)
+        match = self._match_to_map(thinned, map_points, guess, guess_covariance)
         return KeyframeMatch(match, before.inverse().transform(self._map.keypoints(map_points)[:, :2]))
 
-    def _register(self, thinned: Floats, map_points: Floats, guess: Pose2, guess_covariance: Floats) -> ScanMatch:
+    def _match_to_map(self, thinned: Floats, map_points: Floats, guess: Pose2, guess_covariance: Floats) -> ScanMatch:
         expected = self._pose @ guess
         aligned = self._map.align(self._map.keypoints(thinned), expected)
         theta = self._pose.theta
@@ -71,9 +72,9 @@ class CloudLead:
         self._pose, self._velocity = Pose2(), np.zeros(3)
         self._stamp_ns = 0
 
-    def register(self, stamp_ns: int, points: Floats, time_s: Floats) -> Pose2:
+    def match(self, stamp_ns: int, points: Floats, time_s: Floats) -> Pose2:
         """T_odom_base at `stamp_ns` from the band's points (n, 3) in base_link, each taken `time_s` (n,) after it."""
-        cloud, seconds = self._config.cloud, (stamp_ns - self._stamp_ns) * 1e-9
+        cloud, seconds = self._config.cloud, (stamp_ns - self._stamp_ns) * NANOSECOND_S
         if len(points) == 0 or (seconds < cloud.shortest_step_s and not self._map.empty):
             return self._pose @ Pose2.of(self._velocity * min(seconds, cloud.longest_gap_s))
         if seconds > cloud.longest_gap_s:
@@ -81,13 +82,13 @@ class CloudLead:
         ends = np.array([time_s.min(), time_s.max()])
         thinned = self._map.thinned(deskew(points, time_s, ends, ends[:, None] * self._velocity))
         if not self._map.empty:
-            pose = self._registered(thinned, seconds)
+            pose = self._matched(thinned, seconds)
             self._velocity, self._pose = self._pose.between(pose).array() / seconds, pose
         self._map.add(thinned, self._pose)
         self._stamp_ns = stamp_ns
         return self._pose
 
-    def _registered(self, thinned: Floats, seconds: float) -> Pose2:
+    def _matched(self, thinned: Floats, seconds: float) -> Pose2:
         """The pose of a cloud, `seconds` after the one before; the predicted one where too little of it fits."""
         expected = self._pose @ Pose2.of(self._velocity * seconds)
         keypoints = self._map.keypoints(thinned)

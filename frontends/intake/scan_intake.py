@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +16,7 @@ from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, StaticTransforms, Sweep
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
-from wayfi.frontends.scan_points import ScanPoints
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlacedScan:
-    """A scan at its place on the path: thinned `points` with normals, and all `hits` (n, 2) float32 m in base_link.
-
-    `band` (m, 3) m holds the height band's points of the cloud that the scan was cut from, if it was.
-    """
-
-    point: PathPoint
-    points: ScanPoints
-    hits: NDArray[np.float32]
-    band: Floats | None = None
+from wayfi.frontends.scan_points import PlacedScan
 
 
 class ScanIntake:
@@ -93,14 +79,13 @@ class ScanIntake:
     def place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
         """The sweep's points in base_link at `point`; None if no beam returned."""
         if isinstance(sweep, PointCloud):
-            cut = self.clouds.place(point, sweep, path)
-            return PlacedScan(point, cut.scan, cut.hits, cut.band) if cut else None
+            return self.clouds.place(point, sweep, path)
         beams, points = beam_points(sweep, self._config.max_range_m)
         if len(points) == 0:
             return None
         mount = self.mounts.of(sweep.frame_id)
         points = to_base(points, mount, _sweep_motion(point, sweep, beams, path))
-        return PlacedScan(point, scan_from_points(points, mount.planar, self._config), points.astype(np.float32))
+        return PlacedScan(scan_from_points(points, mount.planar, self._config), points.astype(np.float32))
 
     def _sees_anything(self, sweep: Sweep) -> bool:
         """Whether a scan holds a return within the maximum range, a cloud one at all."""

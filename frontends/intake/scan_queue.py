@@ -4,12 +4,11 @@ from collections import deque
 from itertools import pairwise
 
 from wayfi.frontends.intake.cloud_intake import cloud_duration_ns
-from wayfi.frontends.measurements import SECOND_NS, PointCloud, Sweep
+from wayfi.frontends.measurements import PAUSE_NS, SECOND_NS, PointCloud, Sweep
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 
 MOST_WAITING = 200  # sweeps, to bound memory: 5 s at 40 Hz
 MOST_POINTS_WAITING = 20_000_000  # beams and points of these sweeps: some 300 MB
-PAUSE_NS = SECOND_NS  # lasers send every second or more often: a longer step between sweeps is their own pause
 LONGEST_SWEEP_S = 2.0  # lasers turn at 5 Hz and more; a time increment that makes a sweep longer is a fault of units
 
 
@@ -65,7 +64,7 @@ def sweep_ns(sweep: Sweep) -> int:
     if isinstance(sweep, PointCloud):
         return cloud_duration_ns(sweep)
     seconds = sweep.time_increment_s * len(sweep.ranges)
-    return int(seconds * 1e9) if 0 < seconds < LONGEST_SWEEP_S else 0
+    return int(seconds * SECOND_NS) if 0 < seconds < LONGEST_SWEEP_S else 0
 
 
 def _size(sweep: Sweep) -> int:

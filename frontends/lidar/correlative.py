@@ -18,6 +18,8 @@ from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 
 BRANCH = 4  # fine cells along a coarse one: decides the time, and by how many cells the window is rounded up
 
+BLUR_SIGMAS = 3  # of a point's Gaussian, which ends there: at 0.01 of its peak
+
 
 @dataclass(frozen=True)
 class CorrelativeConfig:
@@ -83,7 +85,7 @@ class Peak:
 
 def build_field(points: Floats, config: CorrelativeConfig) -> LikelihoodField:
     """The likelihood field of a submap's `points` (n >= 1, 2) m: a Gaussian of `blur_m` around each of them."""
-    reach = math.ceil(3 * config.blur_m / config.cell_m)
+    reach = math.ceil(BLUR_SIGMAS * config.blur_m / config.cell_m)
     low = points.min(axis=0) - (reach + 1) * config.cell_m
     rows, columns = (int(n) + reach + 2 for n in (points.max(axis=0) - low) / config.cell_m)
     fine = _blur(points, low, config.cell_m, rows, columns, reach, config.blur_m)

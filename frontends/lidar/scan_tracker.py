@@ -44,7 +44,7 @@ class ScanTracker:
         if not self._matched:
             self._matched, self.covariance_scale = True, self._trust.initial
         n = len(poses)
-        scans, placed, _ = self._keyframes.scans_around(n - self._lidar.submap_keyframes, n, poses[-1], poses)
+        scans, placed = self._keyframes.scans_around(n - self._lidar.submap_keyframes, n, poses[-1], poses)
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
 LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
@@ -26,7 +27,7 @@ class PathPoint:
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """The wheels' motion from here to `later`."""
-        seconds = min((later.stamp_ns - self.stamp_ns) * 1e-9, LONGEST_S)
+        seconds = min((later.stamp_ns - self.stamp_ns) * NANOSECOND_S, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
         return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
 
@@ -69,7 +70,7 @@ class DrivenPath:
         else:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
-            seconds = (stamp_ns - last.stamp_ns) * 1e-9
+            seconds = (stamp_ns - last.stamp_ns) * NANOSECOND_S
             restarted = self._was_away and self._has_restarted(T_odom_base)
             if restarted or not distance <= max(self._config.min_leap_m, self._config.max_speed_m_s * seconds):
                 plausible, step, distance = False, Pose2(), 0.0
@@ -77,7 +78,7 @@ class DrivenPath:
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
-        kept_ns = int(self._config.path_s * 1e9)
+        kept_ns = int(self._config.path_s * SECOND_NS)
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible

@@ -49,10 +49,10 @@ class Anchor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """What a live pose goes on from: the `odometry` accepted so far, and the anchor at that time.
+    """The state of the estimation after a message: the `odometry` accepted so far, and the `anchor`.
 
-    `anchor` is None while the laser leads: poses are then not extrapolated by odometry. `serial` counts a drive's
-    estimates from 1.
+    A live pose extrapolates from it. `anchor` is None while the laser leads, since no odometry extrapolates then.
+    `serial` counts a drive's estimates from 1.
     """
 
     serial: int
@@ -75,7 +75,7 @@ class LivePose:
     def add(self, m: Odometry) -> PosePublished | None:
         """The pose for the next message; None where the message is dropped, or the laser leads."""
         self._since.append(m)
-        point = self._estimate.odometry.accept(m)
+        point = self._estimate.odometry.accept(m).point
         if point is None:
             return None
         if self._estimate.serial == 0 and self._estimate.anchor is None:
@@ -93,7 +93,7 @@ class LivePose:
         while len(self._since) > newer:
             self._since.popleft()
         self._estimate = estimate
-        reached = [(m, estimate.odometry.accept(m)) for m in self._since]
+        reached = [(m, estimate.odometry.accept(m).point) for m in self._since]
         if not laser_led or estimate.anchor is None:
             return []
         return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]

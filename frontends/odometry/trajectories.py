@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import corrected_all
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
+from wayfi.frontends.measurements import NANOSECOND_S
 from wayfi.frontends.odometry.driven_path import LONGEST_S, PathPoint
+
+STANDING_M = 1e-3  # of path between keyframes: less is the jitter of a robot that stands, and says nothing of the way
 
 
 class Trajectories:
@@ -44,9 +47,9 @@ class Trajectories:
         kf_stamps = np.array([k.stamp_ns for k in keyframes], np.int64)
         kf_path = np.array([(*k.T_path_base.array(), k.path_m) for k in keyframes])
         k = np.clip(np.searchsorted(kf_stamps, stamps, side="right") - 1, 0, len(keyframes) - 1)
-        since_s: Floats = (stamps - kf_stamps[k]).astype(np.float64) * 1e-9
+        since_s: Floats = (stamps - kf_stamps[k]).astype(np.float64) * NANOSECOND_S
         driven = _motions(kf_path[k], path, since_s, calibration)
-        between_s: Floats = np.diff(kf_stamps).astype(np.float64) * 1e-9
+        between_s: Floats = np.diff(kf_stamps).astype(np.float64) * NANOSECOND_S
         whole = _motions(kf_path[:-1], kf_path[1:], between_s, calibration)
         missing = between_all(whole, between_all(poses[:-1], poses[1:])) if len(poses) > 1 else np.zeros((0, 3))
         missing = np.concatenate([missing, np.zeros((1, 3))])
@@ -68,7 +71,7 @@ def _share(
     """(n,) how much of the way from keyframe k to the next is done, 0 to 1: by path, by time where there is none."""
     following = np.minimum(k + 1, len(kf_path) - 1)
     length = kf_path[following] - kf_path[k]
-    seconds = np.maximum((kf_stamps[following] - kf_stamps[k]) * 1e-9, 1e-9)
-    by_time = (stamps - kf_stamps[k]) * 1e-9 / seconds
-    by_path = (path - kf_path[k]) / np.maximum(length, 1e-9)
-    return np.clip(np.where(length > 1e-3, by_path, by_time), 0.0, 1.0)
+    seconds = np.maximum((kf_stamps[following] - kf_stamps[k]) * NANOSECOND_S, NANOSECOND_S)
+    by_time = (stamps - kf_stamps[k]) * NANOSECOND_S / seconds
+    by_path = (path - kf_path[k]) / np.maximum(length, STANDING_M)
+    return np.clip(np.where(length > STANDING_M, by_path, by_time), 0.0, 1.0)

@@ -22,7 +22,8 @@ from run import RESULTS, Case, chosen, commit, make, row, say
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures import lidar_closer
-from wayfi.frontends.closures.lidar_check import CheckResult, ClosureConfig, Expected, check
+from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.closures.lidar_check import CheckResult, Expected, check
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.service.config import load_config

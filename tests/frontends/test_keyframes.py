@@ -1,10 +1,14 @@
-"""Which keyframe a moment belongs to."""
+"""When a keyframe is due, and which one a moment belongs to."""
 
 import pytest
 
+from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.keyframes import Keyframe, Keyframes, keyframe_due
 from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+
+CONFIG = OdometryConfig()
 
 
 @pytest.mark.parametrize(("stamp_ns", "number"), [(5, 0), (10, 0), (19, 0), (20, 1), (25, 1), (30, 2), (99, 2)])
@@ -13,3 +17,31 @@ def test_a_moment_belongs_to_the_newest_keyframe_before_it(stamp_ns: int, number
     for k in range(3):
         keyframes.append(Keyframe(PathPoint(10 * (k + 1), Pose2(), 0.5 * k), None))
     assert keyframes.before(stamp_ns) == number
+
+
+def motion(metres: float = 0.0, radians: float = 0.0, seconds: float = 0.1) -> WheelMotion:
+    return WheelMotion(Pose2(metres, 0.0, radians), abs(metres), seconds)
+
+
+@pytest.mark.parametrize(
+    ("way", "due"),
+    [
+        (motion(0.51), True),
+        (motion(0.49), False),
+        (motion(-0.51), True),
+        (motion(0.0, 0.51), True),
+        (motion(0.0, -0.51), True),
+        (motion(0.3, 0.3), False),
+        (motion(0.06, 0.0, 10.1), True),
+        (motion(0.0, 0.06, 10.1), True),
+        (motion(0.06, 0.0, 9.9), False),
+        (motion(0.01, 0.01, 1000.0), False),
+    ],
+)
+def test_a_keyframe_is_due_by_path_by_turn_and_by_time_if_the_robot_moved(way: WheelMotion, due: bool) -> None:
+    assert keyframe_due(way, CONFIG) is due
+
+
+def test_a_factor_stretches_the_distance_between_keyframes() -> None:
+    assert keyframe_due(motion(0.3), CONFIG, 0.5)
+    assert not keyframe_due(motion(0.9), CONFIG, 2.0)

@@ -111,8 +111,7 @@ def _events(d: _Drive) -> Iterator[Event]:
             near = np.concatenate(
                 [Pose2.of(believed[j]).transform(_scan(d, d.true[j])) for j in range(max(0, k - 3), k)]
             )
-            guess = T @ Pose2(0.05, 0.03, 0.01)
-            yield SubmapMatched(stamp, k, near, guess, T, 0.9)
+            yield SubmapMatched(stamp, k, near, T, 0.9)
         factors += 1
         yield GraphUpdated(stamp, k, None, 1, 0, factors, 0.02 * factors)
         yield from _fingerprint(d, k, stamp)

@@ -7,8 +7,8 @@ import pytest
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoning
 from wayfi.backend.pose2 import Floats
+from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
-    ConsensusConfig,
     Pairs,
     best_hypothesis,
     driven_area,

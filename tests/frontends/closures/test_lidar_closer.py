@@ -7,7 +7,7 @@ from circles import Circles, S, drive
 
 from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.closures.lidar_check import ClosureConfig
+from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
 from wayfi.frontends.lidar.lidar_config import LidarConfig

@@ -8,7 +8,7 @@ from circles import PRIOR, Circles, S, drive
 
 from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.closures.consensus import ConsensusConfig
+from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.wifi_closer import WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.wifi.fingerprints import WifiCandidate

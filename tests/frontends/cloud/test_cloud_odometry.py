@@ -90,7 +90,7 @@ def test_clouds_alone_are_followed_from_standing_still_on() -> None:
     lead, pose, speed = CloudLead(CONFIG), Pose2(), 0.0
     for number in range(40):
         band = band_at(HALL, pose, number)
-        found = lead.register(number * 100_000_000, band, np.zeros(len(band)))
+        found = lead.match(number * 100_000_000, band, np.zeros(len(band)))
         assert found.distance(pose) < 0.04
         assert abs(wrap(found.theta - pose.theta)) < 0.03
         speed = min(speed + 0.03, 0.6)
@@ -99,5 +99,5 @@ def test_clouds_alone_are_followed_from_standing_still_on() -> None:
 
 def test_a_cloud_that_shows_nothing_leaves_the_lead_where_it_was() -> None:
     lead = CloudLead(CONFIG)
-    first = lead.register(0, band_at(HALL, Pose2(), 0), np.zeros(len(band_at(HALL, Pose2(), 0))))
-    assert lead.register(100_000_000, np.empty((0, 3)), np.empty(0)) == first
+    first = lead.match(0, band_at(HALL, Pose2(), 0), np.zeros(len(band_at(HALL, Pose2(), 0))))
+    assert lead.match(100_000_000, np.empty((0, 3)), np.empty(0)) == first

@@ -102,9 +102,9 @@ def test_keyframes_keep_their_scans_and_paths_as_they_grow() -> None:
     np.testing.assert_array_equal(keyframes.paths_m, 0.5 * np.arange(200))
     np.testing.assert_array_equal(keyframes.has_scan, np.arange(200) % 3 == 0)
     poses = np.stack([np.arange(200.0), np.zeros(200), np.zeros(200)], axis=1)
-    scans, placed, numbers = keyframes.scans_around(-5, 10, poses[4], poses)
-    assert numbers.tolist() == [0, 3, 6, 9]
+    scans, placed = keyframes.scans_around(-5, 10, poses[4], poses)
     np.testing.assert_array_equal(placed[:, 0], [-4, -1, 2, 5])
     assert scans == [scan] * 4
     assert keyframes.scans_around(1, 3, poses[0], poses)[0] == []
-    assert keyframes.scans_around(198, 500, poses[0], poses)[2].tolist() == [198]
+    assert keyframes.scans_around(198, 500, poses[0], poses)[1][:, 0].tolist() == [198]
+    assert keyframes.newest is keyframes[199]

@@ -9,9 +9,9 @@ from rooms import CORRIDOR, HALL, TWO_FOLD, see
 from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_check import (
     CheckResult,
-    ClosureConfig,
     Expected,
     check,
     innovation_chi2,

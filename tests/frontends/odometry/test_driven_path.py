@@ -1,4 +1,4 @@
-"""The path that the wheels drive: increments, moments between messages, leaps, and when a keyframe is due."""
+"""The path that the wheels drive: increments, moments between messages, leaps and restarts."""
 
 import math
 from dataclasses import replace
@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.odometry.driven_path import DrivenPath
-from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
 CONFIG = OdometryConfig()
@@ -30,10 +29,6 @@ def driven(steps: list[Pose2], start: Pose2 | None = None, path_s: float = 1000.
         T = T @ step
         assert path.advance((k + 1) * S, T)
     return path
-
-
-def motion(metres: float = 0.0, radians: float = 0.0, seconds: float = 0.1) -> WheelMotion:
-    return WheelMotion(Pose2(metres, 0.0, radians), abs(metres), seconds)
 
 
 @settings(deadline=None)
@@ -114,69 +109,6 @@ def test_another_source_of_odometry_joins_without_motion() -> None:
     assert after is not None
     assert after.T_path_base == before.T_path_base @ Pose2()
     assert after.path_m == before.path_m
-
-
-@pytest.mark.parametrize(
-    ("way", "due"),
-    [
-        (motion(0.51), True),
-        (motion(0.49), False),
-        (motion(-0.51), True),
-        (motion(0.0, 0.51), True),
-        (motion(0.0, -0.51), True),
-        (motion(0.3, 0.3), False),
-        (motion(0.06, 0.0, 10.1), True),
-        (motion(0.0, 0.06, 10.1), True),
-        (motion(0.06, 0.0, 9.9), False),
-        (motion(0.01, 0.01, 1000.0), False),
-    ],
-)
-def test_a_keyframe_is_due_by_path_by_turn_and_by_time_if_the_robot_moved(way: WheelMotion, due: bool) -> None:
-    assert keyframe_due(way, CONFIG) is due
-
-
-def test_a_factor_stretches_the_distance_between_keyframes() -> None:
-    assert keyframe_due(motion(0.3), CONFIG, 0.5)
-    assert not keyframe_due(motion(0.9), CONFIG, 2.0)
-
-
-@settings(deadline=None)
-@given(st.builds(Pose2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-3, 3)), st.floats(0, 5), st.floats(1, 200))
-def test_the_wheels_covariance_is_positive_definite_and_grows_with_its_inflation(
-    pose: Pose2, path_m: float, covariance_scale: float
-) -> None:
-    way = WheelMotion(pose, path_m, 1.0)
-    covariance = wheel_covariance(way, CONFIG)
-    assert np.linalg.eigvalsh(covariance)[0] > 0
-    np.testing.assert_array_equal(covariance, covariance.T)
-    np.testing.assert_allclose(
-        wheel_covariance(way, CONFIG, covariance_scale), covariance_scale * covariance, rtol=1e-6, atol=1e-5
-    )
-
-
-def test_the_wheels_covariance_is_that_of_a_sampled_drive() -> None:
-    """Of many small straight steps, each with its own random error, over 2 m."""
-    rng = np.random.default_rng(0)
-    n, drives = 50, 4000
-    step = 2.0 / n
-    turn = rng.normal(0, CONFIG.sigma_theta_per_sqrt_m * math.sqrt(step), (drives, n)).cumsum(axis=1)
-    along, aside = rng.normal(0, CONFIG.sigma_xy_per_sqrt_m * math.sqrt(step), (2, drives, n))
-    x = ((step + along) * np.cos(turn) - aside * np.sin(turn)).sum(axis=1)
-    y = ((step + along) * np.sin(turn) + aside * np.cos(turn)).sum(axis=1)
-    seen = np.sqrt(np.diag(np.cov(np.stack([x, y, turn[:, -1]]))))
-    claimed = np.sqrt(np.diag(wheel_covariance(WheelMotion(Pose2(2.0, 0.0, 0.0), 2.0, 4.0), CONFIG)))
-    np.testing.assert_allclose(claimed, seen, rtol=0.1)
-
-
-def test_what_is_believed_of_the_wheels_before_a_drive_is_nothing_but_its_sigmas() -> None:
-    prior = calibration_prior(CONFIG)
-    np.testing.assert_array_equal(prior.values, 0)
-    assert prior.sigmas.tolist() == [
-        CONFIG.prior_distance_scale,
-        CONFIG.prior_turn_scale,
-        CONFIG.prior_turn_bias_rad_per_m,
-        CONFIG.prior_turn_bias_rad_per_s,
-    ]
 
 
 def test_odometry_that_begins_anew_while_nobody_looks_says_nothing_of_the_way() -> None:

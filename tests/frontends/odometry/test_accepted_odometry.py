@@ -1,0 +1,100 @@
+"""Which messages extend the path: the same for the pipeline and for whoever goes on from a copy of its state."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from odometry_streams import FAULT_LISTS, FAULTS, STEP, stream
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import Dropped, DropReason, PosePublished
+from wayfi.frontends.measurements import SECOND_NS, Odometry
+from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.slam_config import SlamConfig
+
+CONFIG = OdometryConfig()
+SOUND = stream(["sound"] * 20)
+
+
+def accept_all(odometry: AcceptedOdometry, messages: list[Odometry]) -> list[Accepted]:
+    return [odometry.accept(m) for m in messages]
+
+
+def test_the_streams_of_these_tests_have_every_fault() -> None:
+    blocks = [[fault, *["sound"] * 8] for fault in FAULTS]
+    accepted = accept_all(AcceptedOdometry(CONFIG), stream([fault for block in blocks for fault in block]))
+    assert {one.dropped for one in accepted} == {
+        *(None, DropReason.NON_FINITE, DropReason.IMPLAUSIBLE_MOTION, DropReason.DUPLICATE),
+        *(DropReason.STAMP_BACK, DropReason.STAMP_AHEAD),
+    }
+    assert any(one.shift_ns for one in accepted)
+    assert not all(one.plausible for one in accepted)
+
+
+@settings(deadline=None, max_examples=40)
+@given(FAULT_LISTS)
+def test_the_pipeline_publishes_what_is_accepted_and_drops_the_rest_for_the_same_reasons(faults: list[str]) -> None:
+    pipeline, odometry = Pipeline(SlamConfig()), AcceptedOdometry(CONFIG)
+    for m in stream(faults):
+        events, accepted = pipeline.process(m), odometry.accept(m)
+        published = [(e.stamp_ns, e.T_odom_base) for e in events if isinstance(e, PosePublished)]
+        assert published == ([(accepted.point.stamp_ns, m.pose)] if accepted.point else [])
+        dropped = [(e.stamp_ns, e.reason) for e in events if isinstance(e, Dropped)]
+        assert dropped == ([(accepted.stamp_ns, accepted.dropped)] if accepted.dropped else [])
+        estimate = pipeline.new_estimate(1)
+        assert estimate is None or estimate.odometry.path.latest == odometry.path.latest
+
+
+@settings(deadline=None)
+@given(FAULT_LISTS, st.integers(0, 80))
+def test_a_copy_goes_on_as_the_original_does(faults: list[str], at: int) -> None:
+    messages, odometry = stream(faults), AcceptedOdometry(CONFIG)
+    accept_all(odometry, messages[:at])
+    tip = odometry.tip()
+    assert accept_all(tip, messages[at:]) == accept_all(odometry, messages[at:])
+    assert tip.received == odometry.received == len(messages)
+
+
+@settings(deadline=None)
+@given(FAULT_LISTS)
+def test_a_message_has_a_point_or_a_reason_and_stamps_rise(faults: list[str]) -> None:
+    accepted = accept_all(AcceptedOdometry(CONFIG), stream(faults))
+    assert all((one.point is None) is (one.dropped is not None) for one in accepted)
+    stamps = [one.stamp_ns for one in accepted if one.point]
+    assert stamps == sorted(set(stamps))
+    assert [one.point.stamp_ns for one in accepted if one.point] == stamps
+
+
+def test_the_wheels_join_without_motion_where_the_laser_led_and_only_once() -> None:
+    odometry = AcceptedOdometry(CONFIG)
+    odometry.begin_laser_lead()
+    first_ns = SOUND[0].stamp_ns
+    odometry.follow_laser(first_ns - SECOND_NS, Pose2(7.0, 0.0, 0.0))
+    led = odometry.follow_laser(first_ns - 1, Pose2(7.3, 0.0, 0.0))
+    tip = odometry.tip()
+    after = accept_all(odometry, SOUND[:3])
+    assert led.point is not None
+    assert [one.point.path_m for one in after if one.point] == pytest.approx(
+        [led.point.path_m + k * STEP.x for k in range(3)]
+    )
+    assert [one.ends_laser_lead for one in after] == [True, False, False]
+    assert accept_all(tip, SOUND[:3]) == after
+
+
+def test_a_message_that_is_dropped_does_not_end_the_lead_but_a_late_one_does() -> None:
+    odometry = AcceptedOdometry(CONFIG)
+    odometry.begin_laser_lead()
+    odometry.follow_laser(SOUND[2].stamp_ns, Pose2())
+    assert not odometry.accept(Odometry(SOUND[0].stamp_ns, Pose2(float("nan"), 0.0, 0.0))).ends_laser_lead
+    late = odometry.accept(SOUND[1])
+    assert (late.dropped, late.ends_laser_lead) == (DropReason.TOO_LATE, True)
+
+
+def test_a_leap_is_told_and_counts_as_no_motion() -> None:
+    *_, before, after = accept_all(AcceptedOdometry(CONFIG), stream(["sound", "sound", "leap"]))
+    assert before.plausible
+    assert not after.plausible
+    assert before.point is not None
+    assert after.point is not None
+    assert after.point.path_m == before.point.path_m
