@@ -12,7 +12,7 @@ SILENT = "silent"
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """There is a complaint while `faulty` or more of the last `window` samples were faulty; `ends` is its last text."""
+    """A complaint lasts while `faulty` or more of the last `window` samples are; `ends` is the text of its end."""
 
     faulty: int
     window: int

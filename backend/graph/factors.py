@@ -59,7 +59,7 @@ def closes_loop(factor: Factor) -> bool:
 
 
 def validate(factor: Factor, keyframes: int) -> None:
-    """Raises FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
+    """Raise FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
     if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
         raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")

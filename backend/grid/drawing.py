@@ -123,7 +123,7 @@ def _extent(start: Floats, rays: Floats) -> Floats:
 
 @njit(cache=True)
 def _draw_scan(evidence: NDArray[np.int8], marks: NDArray[np.int8], start: Floats, rays: Floats) -> None:
-    """Adds one scan from `start`, in cells, to the evidence; `marks`, of the same shape, is zero before and after."""
+    """Add one scan from `start`, in cells, to the evidence; `marks`, of the same shape, is zero before and after."""
     x, y, columns, cells = start[0], start[1], evidence.shape[1], marks.ravel()
     for i in range(len(rays)):
         begin, end = _first_own_cell(rays, i), rays[i, 2]
@@ -178,7 +178,7 @@ def _mark_line(cells: NDArray[np.int8], columns: int, x: int, y: int, x_end: int
 
 @njit(cache=True)
 def _add_and_clear(marks: NDArray[np.int8], evidence: NDArray[np.int8]) -> None:
-    """Adds the marks of one row to its evidence, and sets them to zero."""
+    """Add the marks of one row to its evidence, and sets them to zero."""
     for i in range(len(marks)):
         evidence[i] += marks[i]
         marks[i] = 0
@@ -188,7 +188,7 @@ def _add_and_clear(marks: NDArray[np.int8], evidence: NDArray[np.int8]) -> None:
 def _thinned_walls(evidence: NDArray[np.int8]) -> NDArray[np.int8]:
     """The evidence without the fringes that range noise gives a wall (non-maximum suppression).
 
-    An occupied cell becomes unknown beside a neighbour with more than twice its evidence.
+    An occupied cell becomes unknown next to a neighbour with more than twice its evidence.
     """
     thinned = evidence.copy()
     for row in range(1, evidence.shape[0] - 1):

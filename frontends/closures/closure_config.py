@@ -7,20 +7,24 @@ from wayfi.backend.options import option
 
 @dataclass(frozen=True)
 class ConsensusConfig:
-    """When WiFi's pairs of places agree, and when a pair is accepted or removed."""
+    """When WiFi's claims agree, and when a claim is accepted or removed."""
 
     steps: int = option(241, "", "over 4 sigmas each way: 0.001 rad/m apart, 0.1 rad over 100 m")
     drift: float = option(0.01, "1", "of the path between two places: what the wheels of real robots err at random")
-    min_gain: float = option(4.0, "", "nats by which another bias must be better, while more pairs may come: 55 to 1")
+    min_gain: float = option(4.0, "", "nats by which another bias must be better, while more claims may come: 55 to 1")
     min_gain_at_end: float = option(1.0, "", "the same at the end, when there is nothing to wait for")
-    min_posterior: float = option(0.9, "", "of a pair to be true, given the estimate, before it enters the graph")
-    max_apart_m: float = option(3.0, "m", "an accepted pair whose places end further apart is removed")
-    max_apart_sigmas: float = option(3.5, "", "as above, of its own sigma: 1 in 500 true pairs is beyond")
-    prior_pairs: float = option(50.0, "pairs", "that the sigma of the self-similarity counts for against accepted ones")
-    search_growth: float = option(
-        1.2, "", "times as many refused pairs as at the last search make another worth its cost"
+    min_posterior: float = option(0.9, "", "of a claim to be true, given the estimate, before it enters the graph")
+    max_apart_m: float = option(3.0, "m", "an accepted claim whose places end further apart is removed")
+    max_apart_sigmas: float = option(3.5, "", "as above, of its own sigma: 1 in 500 true claims is beyond")
+    prior_pairs: float = option(
+        50.0, "claims", "that the sigma of the self-similarity counts for against accepted ones"
     )
-    window: int = option(500, "pairs", "the newest: bounds the cost; some hours of a robot that keeps coming back")
+    search_growth: float = option(
+        1.2,
+        "",
+        "times the refused claims at the last search: a new search costs as much, and finds nothing new with fewer",
+    )
+    window: int = option(500, "claims", "the newest: bounds the cost; some hours of a robot that keeps coming back")
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class ClosureConfig:
     gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
-    remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is taken back")
+    remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is removed")
     reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")

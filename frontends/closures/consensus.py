@@ -1,9 +1,9 @@
-"""Finds the turn bias of the wheels with which most of WiFi's pairs of places meet, before any pair is accepted.
+"""Finds the turn bias of the wheels with which most of WiFi's claims hold, before any is accepted.
 
 Wheels that turn by themselves bend the path into a spiral, and a linearised estimate far from the truth settles on the
 wrong number of turns. Dead reckoning with one bias gives a rough trajectory of the whole drive, on which the two places
-of a pair either meet or lie apart by chance. The evidence of a bias is the likelihood of that mixture of true and
-chance pairs, over the likelihood that all pairs are chance.
+of a claim either meet or lie apart by chance. The evidence of a bias is the likelihood of that mixture of true and
+chance claims, over the likelihood that all claims are chance.
 """
 
 import math
@@ -16,7 +16,7 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoni
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 
-# Shares of true pairs at which evidence is computed: within 0.011 nats a pair of the best share from 0.03 to 0.97
+# Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 SEARCHED_SIGMAS = 4  # of the turn bias, each way: the wheels of one robot in 16,000 are beyond
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
@@ -24,10 +24,10 @@ _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of places: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames.
+    """The pairs of places of claims: `a`, `b` (m,) keyframes, `place_a`, `place_b` (m, 2) m in their frames.
 
-    Each pair claims to be one place, to `sigma_m` (m,) along each axis, with `path_m` (m,) driven in between. It counts
-    as `weight` (m,), 0 to 1, of an independent pair.
+    A pair is one place, to `sigma_m` (m,) along each axis, if its claim is true. `path_m` (m,) were driven in between.
+    A claim counts as the share `weight` (m,), 0 to 1, of an independent one.
     """
 
     a: NDArray[np.int64]

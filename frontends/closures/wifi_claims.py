@@ -1,4 +1,8 @@
-"""The mutual pairs of WiFi: what they claim together, how independent they are, and how precise they turn out."""
+"""The claims of WiFi: how independent they are, and how precise they turn out.
+
+A candidate is two similar fingerprints. A claim is a mutual candidate, which is judged: it claims that the places of
+these fingerprints, a pair of places, are one. `Pairs` holds the pairs of several claims as arrays.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,14 +15,14 @@ from wayfi.frontends.closures.consensus import Pairs
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
-SHOWN = 40  # pairs of a sequence, to bound an event: 20 m of path of one receiver
+SHOWN = 40  # claims of a sequence, to bound an event: 20 m of path of one receiver
 
 
 @dataclass(slots=True)
 class Claim:
-    """The claim that the places of a pair are one; `number` is that of its verdict, `factor` None until accepted.
+    """The claim that the places of a candidate are one; `number` is that of its verdict, `factor` None until accepted.
 
-    `gap_m` of path lie between it and the latest earlier pair that relates the same two stretches. `confirmed`: it has
+    `gap_m` of path lie between it and the latest earlier claim that relates the same two stretches. `confirmed`: it has
     been accepted at least once.
     """
 
@@ -64,7 +68,7 @@ class WifiClaims:
         return (1 + sum(claim.factor is not None for claim in recent)) / (2 + len(recent))
 
     def pairs(self, claims: list[Claim]) -> Pairs:
-        """The claims as pairs of places."""
+        """The pairs of places of the claims."""
         a, b = [claim.candidate.a for claim in claims], [claim.candidate.b for claim in claims]
         return Pairs(
             np.array([f.keyframe for f in a]),
@@ -85,9 +89,9 @@ class WifiClaims:
         return self.sigma_m(claim.candidate) / math.sqrt(claim.gap_m / self._wifi.independent_m)
 
     def learn_sigma(self, recent: Pairs, poses: Floats) -> None:
-        """Scale the sigmas by the distances between the places of accepted recent pairs, by `poses` (n, 3).
+        """Scale the sigmas by the distances between the places of accepted recent claims, by `poses` (n, 3).
 
-        A scale of 1 counts as `prior_pairs` of them.
+        A scale of 1 counts as `prior_pairs` claims.
         """
         prior = self._config.prior_pairs
         accepted = np.array([claim.factor is not None for claim in self.recent()])

@@ -1,8 +1,8 @@
-"""Judges WiFi's pairs of places: accepts them as factors together, not one by one, and removes those that prove wrong.
+"""Judges WiFi's claims: accepts them as factors together, not one by one, and removes those that prove wrong.
 
-A pair is accepted where the estimate makes it likely. Refused pairs gather until another turn bias of the wheels
+A claim is accepted where the estimate makes it likely. Refused claims gather until another turn bias of the wheels
 explains them much better than the estimate does; then everything starts again from that bias. So neither the order in
-which pairs come nor a run of false ones decides.
+which claims come nor a run of false ones decides.
 """
 
 from collections.abc import Callable
@@ -66,7 +66,7 @@ class WifiCloser:
         return [shown, self._accept_if_likely(claim, poses) or judged]
 
     def decide(self, stamp_ns: int, poses: Floats, last: bool = False) -> list[Event]:
-        """Judge the pairs together, once enough new ones were refused; `last`: no more will come.
+        """Judge the claims together, once enough new ones were refused; `last`: no more will come.
 
         Starts again from another turn bias if that explains them far better than the estimate does; otherwise accepts
         what the estimate explains, if that is far better than chance.
@@ -80,7 +80,7 @@ class WifiCloser:
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
             self._searched_with = 0
-            text = f"the wheels' turn bias is taken to be {found.values[2]:+.4f} rad/m: it explains the closures"
+            text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
             return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
         if now < gain:
             return []
@@ -108,7 +108,7 @@ class WifiCloser:
         return events
 
     def _search_due(self, last: bool) -> bool:
-        """Whether there are refused pairs, and enough new ones since the last search to be worth another."""
+        """Whether there are refused claims, and enough new ones since the last search to be worth another."""
         self._searched_with = min(self._searched_with, self._refused)
         if self._graph.restarts or self._refused == 0:
             return False
@@ -118,7 +118,7 @@ class WifiCloser:
         return True
 
     def _are_far(self, pairs: Pairs, poses: Floats) -> NDArray[np.bool_]:
-        """(m,) whether the estimate puts the places of each pair too far apart to be one."""
+        """(m,) whether the estimate puts the places of each claim too far apart to be one."""
         apart_m = np.hypot(*pairs.apart(poses).T)
         far: NDArray[np.bool_] = apart_m > np.minimum(
             self._config.max_apart_m, self._config.max_apart_sigmas * pairs.sigma_m
@@ -134,14 +134,14 @@ class WifiCloser:
         return self._accept(claim, poses, f"agrees with the estimate: {posterior:.1%} likely")
 
     def _posterior(self, claim: Claim, poses: Floats) -> float:
-        """The probability that a pair is true, given the estimate, its covariance, and the share of true pairs."""
+        """The probability that a claim is true, given the estimate, its covariance, and the share of true claims."""
         pair, a, b = self._claims.pairs([claim]), claim.candidate.a, claim.candidate.b
         T_a_map = Pose2(0.0, 0.0, -poses[a.keyframe, 2])
         apart = T_a_map.transform(pair.apart(poses))[0]
         covariance = self._graph.place_covariance(a.keyframe, b.keyframe, b.place)
         covariance += pair.sigma_m[0] ** 2 * np.eye(2)
         if np.linalg.eigvalsh(covariance)[0] <= 0:
-            return 0.0  # by rounding, where the estimate is very loose: it supports no pair
+            return 0.0  # by rounding, where the estimate is very loose: it supports no claim
         chi2 = apart @ np.linalg.solve(covariance, apart)
         variance = np.sqrt(np.linalg.det(covariance))
         ratio = float(likelihood_ratio(chi2, variance, driven_area(poses)))
@@ -187,7 +187,7 @@ class WifiCloser:
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
 
     def _shown(self, stamp_ns: int, poses: Floats) -> SequenceMatched:
-        """The pairs in a row that relate the newest two stretches."""
+        """The claims in a row that relate the newest two stretches."""
         pairs = self._claims.pairs(self._claims.sequence())
         residual_m = float(np.hypot(*pairs.apart(poses).T).mean())
         return SequenceMatched(

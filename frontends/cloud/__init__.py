@@ -1,1 +1,1 @@
-"""3D LiDAR: the height band of a cloud, and its registration by KISS-ICP."""
+"""3D LiDAR: the height band of a cloud, and its matching by KISS-ICP."""

@@ -1,4 +1,4 @@
-"""The last step of a cloud's registration: a point-to-line fit, its inliers and its covariance.
+"""The last step of matching a cloud: a point-to-line fit, its inliers and its covariance.
 
 KISS-ICP reports neither whether a cloud overlaps its map nor how well a pose is fixed, and along a wall the rings of a
 spinning LiDAR bias it towards no motion. So its pose is refined to the lines that the map's points make around
@@ -132,7 +132,7 @@ def _nearest(x: float, y: float, z: float, gate_m: float, points: Floats, cells:
 
 @njit(cache=True)
 def _wall(at: int, radius_m: float, points: Floats, cells: CellGrid) -> tuple[float, float, float, float]:
-    """Level unit normal and centroid (m) of the wall that the points around one make; 0, 0 as normal where none is."""
+    """Unit normal in the plane and centroid (m) of the wall that the points around one make; normal 0, 0 if none."""
     x, y, z = points[at]
     sums = NO_POINTS
     top, bottom, left, right = block_around(x, y, cells)

@@ -1,4 +1,4 @@
-"""The motion between clouds by KISS-ICP: from keyframe to keyframe beside the wheels, or alone where there are none."""
+"""The motion between clouds by KISS-ICP: from keyframe to keyframe with the wheels as a prior, or without wheels."""
 
 import numpy as np
 

@@ -40,7 +40,7 @@ class CloudIntake:
         return PlacedScan(scan_from_points(hits, T_base_sensor, self._config), hits.astype(np.float32), band)
 
     def _mount(self, frame_id: str) -> Mount:
-        """The mount of a frame; one of unknown height is taken to be in the middle of the band."""
+        """The mount of a frame; one of unknown height is assumed in the middle of the band."""
         height_m = 0.5 * (self._config.cloud.low_m + self._config.cloud.high_m)
         return self._mounts.of(frame_id, height_m)
 

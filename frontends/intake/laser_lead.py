@@ -1,4 +1,4 @@
-"""The odometry of a robot without wheels that speak, from whichever laser it has."""
+"""Odometry from the laser, planar or 3D, for a robot that sends no wheel odometry."""
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.cloud.cloud_odometry import CloudLead
@@ -9,7 +9,7 @@ from wayfi.frontends.measurements import PointCloud, Sweep
 
 
 class LaserLead:
-    """Feed it sweeps of one laser in their order; it says where the base has come to, in a frame that drifts."""
+    """Matches the sweeps of one laser in their order; the frame of its poses drifts."""
 
     def __init__(self, config: LidarConfig, scans: ScanIntake) -> None:
         self._scans = scans
@@ -17,7 +17,7 @@ class LaserLead:
         self._spatial = CloudLead(config)
 
     def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
-        """T_odom_base at `stamp_ns`, the sweep's."""
+        """Match the next sweep; returns T_odom_base at `stamp_ns`, the sweep's."""
         if isinstance(sweep, PointCloud):
             return self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep))
         return self._planar.match(self._scans.points(sweep))

@@ -52,5 +52,5 @@ class Mounts:
         if self.knows(frame_id) or frame_id in self._warned or len(self._warned) >= MOST_WARNED:
             return
         self._warned.add(frame_id)
-        text = f"no /tf_static says where {frame_id!r} is mounted; taken to be at base_link (see lidar.mount)"
+        text = f"no /tf_static says where {frame_id!r} is mounted; base_link is assumed (see lidar.mount)"
         yield Warned(sweep.stamp_ns, text)

@@ -133,7 +133,7 @@ class WifiIntake:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)
             return
         yield from [Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)] * unplaced
-        if (yield from self._watch.compare_levels(scan.stamp_ns, scan.receiver, scan.readings, taken_m)):
+        if (yield from self._watch.compare_rssi(scan.stamp_ns, scan.receiver, scan.readings, taken_m)):
             self._by_place.add(PlacedWifiScan(scan.receiver, point, scan.readings, taken_m))
 
     def _taken_m(self, scan: _Scan, path: DrivenPath) -> Floats:

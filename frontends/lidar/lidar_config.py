@@ -78,7 +78,7 @@ class CloudFitConfig:
     kernel_m: float = option(0.1, "m", "Cauchy's scale: what is further from its wall is mostly something else")
     inlier_m: float = option(0.15, "m", "a range's noise, and where there is no wall the spacing of the map's points")
     noise_m: float = option(0.01, "m", "of a range: residuals that happen to be smaller are luck")
-    cluster_cells: int = option(2, "cells", "side of a square, 1 m of wall, whose points are taken to err together")
+    cluster_cells: int = option(2, "cells", "side of a square, 1 m of wall, whose points are assumed to err together")
     iterations: int = option(6, "", "from KISS-ICP's result it settles in 2 to 5")
 
 
@@ -97,9 +97,9 @@ class CloudConfig:
     acceleration_m_s2: float = option(1.0, "m/s^2", "without wheels: what a robot indoors brakes with")
     acceleration_rad_s2: float = option(3.0, "rad/s^2", "without wheels: as it starts to turn")
     shortest_step_s: float = option(
-        0.15, "s", "without wheels: of 10 clouds a second every other is registered; half the work, and as good a map"
+        0.15, "s", "without wheels: of 10 clouds a second every other is matched; half the work, and as good a map"
     )
-    longest_gap_s: float = option(1.0, "s", "without wheels: so long a motion is taken to go on as it was")
+    longest_gap_s: float = option(1.0, "s", "without wheels: for so long a motion is assumed to go on as it was")
     sigma_floor_m: float = option(0.002, "m", "errors of mount and time that all points of a cloud share")
     sigma_floor_rad: float = option(0.0005, "rad", "as above; what the cloud's own points leave is added to it")
     fit: CloudFitConfig = field(default_factory=CloudFitConfig)

@@ -49,10 +49,10 @@ class Anchor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """What a live pose goes on from: the `odometry` accepted so far, and the anchor at that time.
+    """The state of the estimation after a message: the `odometry` accepted so far, and the `anchor`.
 
-    `anchor` is None while the laser leads: poses are then not extrapolated by odometry. `serial` counts a drive's
-    estimates from 1.
+    A live pose extrapolates from it. `anchor` is None while the laser leads, since no odometry extrapolates then.
+    `serial` counts a drive's estimates from 1.
     """
 
     serial: int

@@ -33,7 +33,9 @@ class OdometryConfig:
     )
     max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
     min_leap_m: float = option(0.5, "m", "a shorter step is no reset, whatever its speed: stamps of a burst lie close")
-    restart_m: float = option(0.5, "m", "from its origin odometry has just been started, if it was twice as far before")
+    restart_m: float = option(
+        0.5, "m", "after a pause: a pose this near the odometry's origin, from over twice as far, is a restart"
+    )
     sigma_xy_per_sqrt_m: float = option(0.02, "m per sqrt(m)", "random part of the distance: 2 cm over 1 m")
     sigma_theta_per_sqrt_m: float = option(0.003, "rad per sqrt(m)", "what real logs leave once the bias is known")
     sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")

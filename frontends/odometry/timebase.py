@@ -74,7 +74,7 @@ class TimeBase:
         return self._follow(stream, stamp_ns - reduced_ns, -reduced_ns)
 
     def _is_lone_leap(self, stream: _Stream, stamp_ns: int) -> bool:
-        """Whether a stamp far ahead still stands alone; after as many in a row as a lasting jump takes it is a gap."""
+        """Whether a stamp far ahead is a broken one: fewer than `lasting_messages` in a row are; as many are a gap."""
         if stream.ahead and not 0 < stamp_ns - stream.ahead[-1] < self._leap_ns:
             stream.ahead.clear()
         stream.ahead.append(stamp_ns)

@@ -125,7 +125,7 @@ def _similarities(
     weights: NDArray[np.float64],
     sigma_db: float,
 ) -> None:
-    """Fills `out` (rows, columns)."""
+    """Fill `out` (rows, columns)."""
     scale = -0.5 / (sigma_db * sigma_db)
     heard = np.full(weights.shape[0], np.nan, np.float32)
     for r in range(rows.shape[0]):

@@ -19,7 +19,7 @@ from wayfi.frontends.wifi.readings import LOWEST_DBM
 
 Ints = NDArray[np.int32]
 
-STEPS_APART = 2  # of RSSI, one sigma each: levels further apart add less than exp(-2) to a similarity
+STEPS_APART = 2  # of RSSI, one sigma each: RSSI further apart adds less than exp(-2) to a similarity
 MOST_OF_LIST = 4096  # postings: every fingerprint of 2 km of path
 ENOUGH = 100_000  # postings: half a millisecond, so that a search takes 1 to 3 ms among 100,000 fingerprints
 BLOCK = 32  # postings: an access point is heard over some ten metres; a last block half empty wastes 64 bytes
@@ -141,7 +141,7 @@ def _sum_common(
     chains: _Chains,
     common: NDArray[np.float64],
 ) -> tuple[Ints, int]:
-    """Adds to `common` what each fingerprint has in common; returns these fingerprints, and the postings read."""
+    """Add to `common` what each fingerprint has in common; returns these fingerprints, and the postings read."""
     newest, blocks, filled, older = chains
     met = np.empty(ENOUGH + (2 * STEPS_APART + 1) * MOST_OF_LIST, np.int32)
     count, read = 0, 0

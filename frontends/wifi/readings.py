@@ -59,14 +59,14 @@ def usable_readings(scan: WifiScan) -> tuple[Readings, list[DropReason]]:
 
 def mean_readings(scans: list[Readings], least_scans: float) -> Readings:
     """The mean RSSI of each BSSID that was heard in `least_scans` or more of the scans, of unknown age."""
-    levels: dict[str, list[float]] = {}
+    heard: dict[str, list[float]] = {}
     for readings in scans:
         for bssid, rssi in zip(readings.bssids, readings.rssi.tolist(), strict=True):
-            levels.setdefault(bssid, []).append(rssi)
-    return mean_of_levels({bssid: rssi for bssid, rssi in levels.items() if len(rssi) >= least_scans})
+            heard.setdefault(bssid, []).append(rssi)
+    return mean_rssi({bssid: rssi for bssid, rssi in heard.items() if len(rssi) >= least_scans})
 
 
-def mean_of_levels(levels: Mapping[str, Sequence[float]]) -> Readings:
-    """One reading for each BSSID, the mean of its levels (dBm, one or more), of unknown age."""
-    mean = np.array([sum(rssi) / len(rssi) for rssi in levels.values()], np.float32)
-    return Readings(tuple(levels), mean, np.zeros(len(mean), np.float32))
+def mean_rssi(heard: Mapping[str, Sequence[float]]) -> Readings:
+    """One reading for each BSSID, the mean of what was heard of it (dBm, once or more), of unknown age."""
+    mean = np.array([sum(rssi) / len(rssi) for rssi in heard.values()], np.float32)
+    return Readings(tuple(heard), mean, np.zeros(len(mean), np.float32))

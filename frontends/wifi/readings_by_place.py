@@ -12,7 +12,7 @@ import numpy as np
 
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry.driven_path import PathPoint
-from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, mean_of_levels
+from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, mean_rssi
 from wayfi.frontends.wifi.wifi_config import ByPlaceConfig
 
 KEPT_NS = 30 * SECOND_NS  # before a scan: bounds what a robot that stands still gathers
@@ -68,9 +68,9 @@ class ReadingsByPlace:
         return bool((readings.age_s <= self._config.together_s).all())
 
     def _near(self, point: PathPoint, scans: deque[tuple[PlacedWifiScan, int]]) -> Readings:
-        """The mean level of each BSSID that was heard near `point`."""
-        levels: dict[str, list[float]] = {}
+        """The mean RSSI of each BSSID that was heard near `point`."""
+        heard: dict[str, list[float]] = {}
         for scan, _ in scans:
             for i in np.flatnonzero(np.abs(scan.taken_m - point.path_m) <= self._config.near_m):
-                levels.setdefault(scan.readings.bssids[i], []).append(float(scan.readings.rssi[i]))
-        return mean_of_levels(levels)
+                heard.setdefault(scan.readings.bssids[i], []).append(float(scan.readings.rssi[i]))
+        return mean_rssi(heard)

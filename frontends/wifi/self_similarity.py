@@ -13,7 +13,7 @@ from wayfi.backend.pose2 import Floats
 from wayfi.frontends.wifi.wifi_config import SelfSimilarityConfig
 
 _SIMILARITY_BINS = 50  # of 0.02; finer ones would hold too few pairs and be joined again
-_DISTANCE_M = 0.25  # bins of distance; their rounding of 0.25 / sqrt(12) = 0.07 m is small beside an rms of 1 m
+_DISTANCE_M = 0.25  # bins of distance; their rounding of 0.25 / sqrt(12) = 0.07 m is small against an rms of 1 m
 
 
 @dataclass(frozen=True, slots=True)

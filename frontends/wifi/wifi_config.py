@@ -11,12 +11,14 @@ class WifiWatchConfig:
 
     max_readings: int = option(256, "", "of one scan; real receivers were seen to hear 130")
     clock_s: float = option(2.0, "s", "off the odometry's: 1 m at 0.5 m/s, and closures are to be good to 1.5 m")
-    level_change_m: float = option(0.5, "m", "of path, over which nine of ten levels were seen to change")
+    level_change_m: float = option(0.5, "m", "of path, over which the RSSI of nine in ten was seen to change")
     silent_s: float = option(60.0, "s", "a phone may be kept to a scan every half minute")
     window_scans: int = option(20, "", "the latest, on which complaints of size and clock rest; drivers cut sweeps up")
     clock_faults: int = option(5, "", "of these scans: single ones come late, and gaps of the odometry hide some")
-    constant_levels: int = option(18, "", "of the latest 20 levels heard again; real receivers were seen to repeat 9")
-    window_levels: int = option(20, "", "the latest levels, as above: one or two scans")
+    constant_levels: int = option(
+        18, "", "of the latest 20 heard again have the same RSSI; real receivers were seen to repeat 9"
+    )
+    window_levels: int = option(20, "", "the latest heard again, as above: one or two scans")
     new_bssids: int = option(230, "", "of the latest 256 readings; real receivers were seen to have 145")
     window_readings: int = option(256, "", "the latest readings, as above: several scans")
 
@@ -36,7 +38,7 @@ class AccessPointConfig:
 
     near_m: float = option(2.0, "m", "of path, over which shadowing is alike")
     moved_m: float = option(0.25, "m", "of path: fingerprints nearer than this repeat each other")
-    far_m: float = option(30.0, "m", "of path, beyond which levels are not alike")
+    far_m: float = option(30.0, "m", "of path, beyond which RSSI is not alike")
     prior_near: float = option(0.6, "", "mean agreement of places near each other: a common access point's")
     prior_far: float = option(0.1, "", "mean agreement of places far apart, as above")
     prior_pairs: float = option(2.0, "", "pairs that the priors count for: a few metres of path outweigh them")
@@ -58,7 +60,7 @@ class ReceiversConfig:
     """The Kalman filter of the receivers' offsets in dB."""
 
     prior_sigma_db: float = option(4.0, "dB", "phones of one kind were seen 2 to 4 dB apart")
-    one_place_m: float = option(1.0, "m", "of path: levels change little over it, and fading is new after it")
+    one_place_m: float = option(1.0, "m", "of path: RSSI changes little over it, and fading is new after it")
     min_common: int = option(4, "", "access points: the median of fewer is one reading's fading")
     fading_db: float = option(5.0, "dB", "by which two readings of one access point differ at random")
     walk_db_per_sqrt_m: float = option(0.05, "dB per sqrt(m)", "what hands and heat change: half a dB in 100 m")
@@ -71,7 +73,7 @@ class WifiConfig:
     enabled: bool = option(True, "", "false runs on wheels and LiDAR alone")
     first_pose_s: float = option(5.0, "s", "a scan before the first pose waits so long for it: sensors start in turn")
     odometry_s: float = option(
-        30.0, "s", "a later one waits so long for odometry to go on, as odometry.path_s keeps the path"
+        30.0, "s", "a scan waits so long for odometry that has paused; odometry.path_s keeps the path as long"
     )
     similarity_sigma_db: float = option(6.0, "dB", "the paper's sigma^2 = 36 dB^2")
     fingerprint_m: float = option(0.5, "m", "the mean over half a metre beats single scans, which fade")
@@ -88,7 +90,7 @@ class WifiConfig:
     )
     candidate_every_m: float = option(0.4, "m", "one for each fingerprint of a receiver: single loops have few")
     neighbouring_m: float = option(
-        4.0, "m", "of path each way from the later place, none more like the earlier than it is"
+        4.0, "m", "of path around the later place, in which it must be the most similar to the earlier one"
     )
     independent_m: float = option(10.0, "m", "shadowing is alike over this length: so much path counts as one fix")
     watch: WifiWatchConfig = field(default_factory=WifiWatchConfig)

@@ -26,7 +26,7 @@ class WifiWatch:
     def __init__(self, config: WifiWatchConfig) -> None:
         self._config = config
         self._complaints = Complaints("WiFi receiver {!r}", faults(config), config.silent_s)
-        self._levels: dict[str, _Levels] = {}
+        self._heard: dict[str, _LastHeard] = {}
 
     def count(self, stamp_ns: int, receiver: str, readings: int) -> Judgement:
         """Judge a scan by its number of `readings`."""
@@ -48,13 +48,13 @@ class WifiWatch:
         lasts = yield from self._complaints.judge(stamp_ns, receiver, DropReason.CLOCK_OFF, [off], text)
         return (yield from _use(stamp_ns, DropReason.CLOCK_OFF if off or lasts else None))
 
-    def compare_levels(self, stamp_ns: int, receiver: str, readings: Readings, taken_m: Floats) -> Judgement:
+    def compare_rssi(self, stamp_ns: int, receiver: str, readings: Readings, taken_m: Floats) -> Judgement:
         """Judge the usable readings of a scan, taken at `taken_m` (n,) m of the path."""
-        levels = self._levels.setdefault(receiver, _Levels(self._config.level_change_m))
-        new, same = levels.compare(readings, taken_m)
+        heard = self._heard.setdefault(receiver, _LastHeard(self._config.level_change_m))
+        new, same = heard.compare(readings, taken_m)
         text = "it hears new BSSIDs in every scan, as if they were randomised; its scans are not used"
         randomised = yield from self._complaints.judge(stamp_ns, receiver, DropReason.RANDOMISED_BSSIDS, new, text)
-        text = "its levels stay the same while the robot moves; its scans are not used (restart its driver)"
+        text = "its RSSI stays the same while the robot moves; its scans are not used (restart its driver)"
         constant = yield from self._complaints.judge(stamp_ns, receiver, DropReason.CONSTANT_LEVELS, same, text)
         reason = DropReason.RANDOMISED_BSSIDS if randomised else DropReason.CONSTANT_LEVELS if constant else None
         return (yield from _use(stamp_ns, reason))
@@ -64,17 +64,17 @@ class WifiWatch:
         return self._complaints.pass_time(stamp_ns)
 
 
-class _Levels:
-    """The level (dBm) and the place (m of the path) at which one receiver last heard each BSSID."""
+class _LastHeard:
+    """The RSSI (dBm) and the place (m of the path) at which one receiver last heard each BSSID."""
 
     def __init__(self, change_m: float) -> None:
         self._change_m = change_m
         self._last: dict[str, tuple[float, float]] = {}
 
     def compare(self, readings: Readings, taken_m: Floats) -> tuple[list[bool], list[bool]]:
-        """Whether each BSSID is new; and for each last heard `change_m` before or more, whether its level is the same.
+        """Whether each BSSID is new; and for each last heard `change_m` before or more, whether its RSSI is the same.
 
-        The level and the place of a BSSID are replaced only once the robot has moved by `change_m`.
+        The RSSI and the place of a BSSID are replaced only once the robot has moved by `change_m`.
         """
         new, same = [], []
         for bssid, rssi, path_m in zip(readings.bssids, readings.rssi.tolist(), taken_m.tolist(), strict=True):
@@ -91,7 +91,7 @@ class _Levels:
 
 
 def faults(config: WifiWatchConfig) -> dict[str, Fault]:
-    """The complaints that there can be about a receiver, besides silence."""
+    """The complaints that there can be about a receiver, other than silence."""
     scans = config.window_scans
     return {
         DropReason.TOO_MANY_READINGS: Fault(1, scans, "its scans are of a usual size again"),
@@ -99,7 +99,7 @@ def faults(config: WifiWatchConfig) -> dict[str, Fault]:
         DropReason.RANDOMISED_BSSIDS: Fault(
             config.new_bssids, config.window_readings, "it hears the same BSSIDs again"
         ),
-        DropReason.CONSTANT_LEVELS: Fault(config.constant_levels, config.window_levels, "its levels change again"),
+        DropReason.CONSTANT_LEVELS: Fault(config.constant_levels, config.window_levels, "its RSSI changes again"),
     }
 
 

@@ -156,7 +156,7 @@ FAULTS = {
         poses=600,
         warnings=(
             NO_LASER,
-            "no /tf_static says where 'laser' is mounted; taken to be at base_link (see lidar.mount)",
+            "no /tf_static says where 'laser' is mounted; base_link is assumed (see lidar.mount)",
         ),
     ),
     "odometry stops": Fault(

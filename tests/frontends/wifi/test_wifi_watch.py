@@ -58,7 +58,7 @@ class Drive:
         stamp_ns, number = self.scans * S, len(heard.bssids)
         events = list(self.watch.count(stamp_ns, self.receiver, count or number))
         if not events or not isinstance(events[-1], Dropped):
-            events += self.watch.compare_levels(stamp_ns, self.receiver, heard, np.full(number, taken_m))
+            events += self.watch.compare_rssi(stamp_ns, self.receiver, heard, np.full(number, taken_m))
         self._note(events)
 
     def hear_sound(self, count: int) -> None:

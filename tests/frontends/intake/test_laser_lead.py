@@ -1,0 +1,52 @@
+"""The laser leads where no odometry comes: by scans or by clouds, and also after the drive was pickled."""
+
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from clouds import HALL as SPATIAL_HALL
+from clouds import cloud_at
+from rooms import HALL
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, StaticTransform, StaticTransforms, Sweep
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.slam_config import SlamConfig
+from wayfi.recordings.simulation import lidar3d
+from wayfi.recordings.simulation.laser import ANGLE_INCREMENT, ANGLE_MIN, ranges
+from wayfi.recordings.simulation.surfaces import still
+
+STEP = Pose2(0.05, 0.0, 0.01)
+START = Pose2(0.0, -2.5, 0.0)
+UPRIGHT = StaticTransform("base_link", "lidar", (0.0, 0.0, lidar3d.HEIGHT_M), (0.0, 0.0, 0.0, 1.0))
+SWEEPS, PICKLED_AT = 50, 35  # the laser leads after two seconds, 20 sweeps
+
+
+def planar(number: int, pose: Pose2) -> Sweep:
+    seen = ranges(still(HALL), (START @ pose).array()[None], np.zeros(1))[0].astype(np.float32)
+    return LaserScan(number * SECOND_NS // 10, "base_link", seen, ANGLE_MIN, ANGLE_INCREMENT, 0.05, 30.0)
+
+
+def spatial(number: int, pose: Pose2) -> Sweep:
+    cloud = cloud_at(SPATIAL_HALL, pose, number)
+    return type(cloud)(number * SECOND_NS // 10, "lidar", cloud.points)
+
+
+@pytest.mark.parametrize("sweep", [planar, spatial])
+def test_a_drive_that_the_laser_leads_is_followed_and_goes_on_after_pickling(
+    sweep: Callable[[int, Pose2], Sweep],
+) -> None:
+    drives, pose = [Pipeline(SlamConfig())], Pose2()
+    drives[0].process(StaticTransforms(0, (UPRIGHT,)))
+    for number in range(SWEEPS):
+        if number == PICKLED_AT:
+            drives.append(pickle.loads(pickle.dumps(drives[0])))
+        pose = pose @ STEP
+        for drive in drives:
+            drive.process(sweep(number, pose))
+    whole, resumed = (drive.finish()[0].final for drive in drives)
+    assert len(whole) == len(resumed) == SWEEPS
+    np.testing.assert_allclose(resumed, whole, atol=0.005)
+    driven_m = Pose2.of(whole[0]).distance(Pose2.of(whole[-1]))
+    assert driven_m == pytest.approx(STEP.distance(pose), abs=0.1)
