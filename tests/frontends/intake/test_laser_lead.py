@@ -20,7 +20,7 @@ from wayfi.recordings.simulation.surfaces import still
 STEP = Pose2(0.05, 0.0, 0.01)
 START = Pose2(0.0, -2.5, 0.0)
 UPRIGHT = StaticTransform("base_link", "lidar", (0.0, 0.0, lidar3d.HEIGHT_M), (0.0, 0.0, 0.0, 1.0))
-SWEEPS = 50
+SWEEPS, PICKLED_AT = 50, 35  # the laser leads after two seconds, 20 sweeps
 
 
 def planar(number: int, pose: Pose2) -> Sweep:
@@ -34,15 +34,19 @@ def spatial(number: int, pose: Pose2) -> Sweep:
 
 
 @pytest.mark.parametrize("sweep", [planar, spatial])
-def test_a_drive_that_the_laser_leads_goes_on_after_pickling(sweep: Callable[[int, Pose2], Sweep]) -> None:
-    pipeline, pose = Pipeline(SlamConfig()), Pose2()
-    pipeline.process(StaticTransforms(0, (UPRIGHT,)))
+def test_a_drive_that_the_laser_leads_is_followed_and_goes_on_after_pickling(
+    sweep: Callable[[int, Pose2], Sweep],
+) -> None:
+    drives, pose = [Pipeline(SlamConfig())], Pose2()
+    drives[0].process(StaticTransforms(0, (UPRIGHT,)))
     for number in range(SWEEPS):
+        if number == PICKLED_AT:
+            drives.append(pickle.loads(pickle.dumps(drives[0])))
         pose = pose @ STEP
-        pipeline.process(sweep(number, pose))
-        if number == SWEEPS // 2 + 10:
-            pipeline = pickle.loads(pickle.dumps(pipeline))
-    result, _ = pipeline.finish()
-    assert len(result.final) == SWEEPS
-    driven_m = STEP.distance(pose)
-    assert Pose2.of(result.final[0]).distance(Pose2.of(result.final[-1])) == pytest.approx(driven_m, abs=0.05)
+        for drive in drives:
+            drive.process(sweep(number, pose))
+    whole, resumed = (drive.finish()[0].final for drive in drives)
+    assert len(whole) == len(resumed) == SWEEPS
+    np.testing.assert_allclose(resumed, whole, atol=0.005)
+    driven_m = Pose2.of(whole[0]).distance(Pose2.of(whole[-1]))
+    assert driven_m == pytest.approx(STEP.distance(pose), abs=0.1)
