@@ -1,6 +1,6 @@
 """The keyframes: when one is due, where each stands on the driven path, and the scan it holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,11 @@ class Keyframes:
         self._paths[len(self)] = keyframe.point.path_m
         self._has_scan[len(self)] = keyframe.scan is not None
         self._keyframes.append(keyframe)
+
+    def move(self, number: int, point: PathPoint) -> None:
+        """Give keyframe `number` another place on the driven path."""
+        self._keyframes[number] = replace(self[number], point=point)
+        self._paths[number] = point.path_m
 
     def forget_scans(self) -> None:
         """Remove the scans of all keyframes."""

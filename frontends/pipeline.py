@@ -187,7 +187,7 @@ class Pipeline:
             self._last_scan_path_m = point.path_m
             motion = self._slam.motion_to(point)
             due = keyframe_due(motion, self._config.odometry, self._slam.keyframe_factor())
-            if motion.seconds <= 0 or not (first or due):
+            if motion.seconds < 0 or not (first or due):
                 continue
             yield from self._scans.mounts.warn_of_unknown(scan)
             with self._timer("scan_points"):
@@ -196,11 +196,16 @@ class Pipeline:
             yield from self._correct_stamps(point.stamp_ns)
 
     def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
-        """Where the laser has another clock than the odometry, correct its stamps and remove its scans so far."""
+        """Correct the laser's stamps where its clock is not the odometry's, or its driver stamps late."""
         offset_s = self._slam.laser_offset_s(self._path)
         if offset_s is None:
             return
         self._scans.shift_stamps(offset_s)
+        late = f"{abs(offset_s):.2f} s {'early' if offset_s > 0 else 'late'}"
+        if abs(offset_s) <= self._config.lidar.clock.latency_s:
+            yield Warned(stamp_ns, f"laser: its driver stamps its scans {late}; corrected")
+            yield from self._slam.shift_scans(offset_s, self._trajectories)
+            return
         text = f"its clock is {abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'} the odometry's"
         yield Warned(stamp_ns, f"laser: {text}; its stamps are corrected from here on, set its clock", "laser.clock")
         yield from self._slam.forget_scans(f"of before the laser's stamps were corrected: {text}")

@@ -2,6 +2,7 @@
 
 import math
 from copy import deepcopy
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from wayfi.frontends.graph_estimate import GraphEstimate
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -50,7 +52,7 @@ class SlamCore:
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
         self._grid = GridMap(config.map)
         self._start_tracking()
-        verdicts = Verdicts()
+        self._verdicts = verdicts = Verdicts()
         self._lidar_closer = LidarCloser(self._graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
         self._wifi_closer = WifiCloser(
             self._graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi,
@@ -124,6 +126,24 @@ class SlamCore:
     def laser_offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
         return self._laser_clock.offset_s(path)
+
+    def shift_scans(self, seconds: float, trajectories: Trajectories) -> list[Event]:
+        """Move the keyframes with scans to where the robot was `seconds` later: that is when their scans were taken.
+
+        The matches stay as they are, for they relate scans; what the wheels say between them changes.
+        """
+        moved = {}
+        for k in range(len(self.keyframes)):
+            before_ns = self.keyframes[k].point.stamp_ns
+            point = trajectories.at(before_ns + round(seconds * SECOND_NS)) if self.keyframes[k].scan else None
+            after_last = k == 0 or (point and point.stamp_ns > self.keyframes[k - 1].point.stamp_ns)
+            if point is not None and after_last:
+                self.keyframes.move(k, point)
+                moved[before_ns] = point.stamp_ns
+        points = [self.keyframes[k].point for k in range(len(self.keyframes))]
+        self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(points)])
+        self._laser_clock = LaserClock(self._config.lidar.clock)
+        return self._verdicts.move_stamps(moved)
 
     def forget_scans(self, reason: str) -> list[Event]:
         """Remove all scans so far, and what they contributed, from the graph and the grid."""
@@ -210,9 +230,9 @@ class SlamCore:
         if placed is not None:
             with self._timer("scan_matching"):
                 tracked = self._track(placed, motion, number)
-            if tracked and self._is_match(tracked):
-                self._add_match(tracked, point, number)
         self._graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
+        if tracked and self._is_match(tracked):
+            self._add_match(tracked, point, number)
         return tracked
 
     def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> KeyframeMatch | None:

@@ -58,6 +58,22 @@ def closes_loop(factor: Factor) -> bool:
     return isinstance(factor, NearFactor) or (isinstance(factor, BetweenFactor) and abs(factor.a - factor.b) > 1)
 
 
+def distance_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
+    """How far (m) the positions of two keyframes are from what a factor says, the keyframes at these poses."""
+    if isinstance(factor, NearFactor):
+        at_a, at_b = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
+        return math.hypot(*(at_b - at_a))
+    T_a_b = factor.T_a_b if isinstance(factor, BetweenFactor) else factor.motion.pose
+    return T_map_a.between(T_map_b).distance(T_a_b)
+
+
+def sigma_m(factor: Factor) -> float:
+    """The standard deviation (m) of a factor's position along each axis, in the mean of both."""
+    if isinstance(factor, NearFactor):
+        return factor.sigma_m
+    return math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
+
+
 def validate(factor: Factor, keyframes: int) -> None:
     """Raise FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"

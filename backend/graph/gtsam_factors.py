@@ -10,7 +10,6 @@ from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, Wheel
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, wrap
 
-CALIBRATION = gtsam.symbol("c", 0)  # gtsam's key of the wheels' calibration
 ORIGIN_SIGMA = 1e-4  # m and rad: a five-hundredth of a grid cell, and not so tight that the equations suffer
 
 
@@ -19,20 +18,25 @@ def pose_key(keyframe: int) -> int:
     return int(gtsam.symbol("x", keyframe))
 
 
-def gtsam_factor(factor: Factor) -> gtsam.NonlinearFactor:
-    """The factor with the wheels' calibration as an unknown."""
+def calibration_key(stretch: int) -> int:
+    """gtsam's key of the wheels' calibration on a stretch of the path."""
+    return int(gtsam.symbol("c", stretch))
+
+
+def gtsam_factor(factor: Factor, stretch: int) -> gtsam.NonlinearFactor:
+    """The factor with the wheels' calibration on `stretch` as an unknown."""
     if isinstance(factor, BetweenFactor):
         return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
     if isinstance(factor, NearFactor):
-        return near_factor(factor.a, factor.b, factor.place_a, factor.place_b, factor.sigma_m)
-    return wheel_factor(factor.a, factor.b, factor.motion, factor.covariance)
+        return near_factor(factor, stretch)
+    return wheel_factor(factor, stretch)
 
 
-def calibrated_factor(factor: Factor, calibration: Floats) -> gtsam.NonlinearFactor:
+def calibrated_factor(factor: Factor, stretch: int, calibration: Floats) -> gtsam.NonlinearFactor:
     """The factor with a known calibration (4,): a wheel factor is then gtsam's own BetweenFactor, many times faster."""
     if isinstance(factor, WheelFactor):
         return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
-    return gtsam_factor(factor)
+    return gtsam_factor(factor, stretch)
 
 
 def origin_factor() -> gtsam.NonlinearFactor:
@@ -41,17 +45,23 @@ def origin_factor() -> gtsam.NonlinearFactor:
     return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(), noise)
 
 
+def walk_factor(stretch: int, sigmas: Floats) -> gtsam.NonlinearFactor:
+    """The random walk of the wheels' calibration from the stretch before, with `sigmas` (4,) of its step."""
+    noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
+    return gtsam.BetweenFactorVector(calibration_key(stretch - 1), calibration_key(stretch), np.zeros(4), noise)
+
+
 def between_factor(a: int, b: int, T_a_b: Pose2, covariance: Floats) -> gtsam.NonlinearFactor:
     """The constraint that the pose of keyframe b in keyframe a is `T_a_b`."""
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance_in_b(covariance, T_a_b.theta))
     return gtsam.BetweenFactorPose2(pose_key(a), pose_key(b), gtsam.Pose2(T_a_b.x, T_a_b.y, T_a_b.theta), noise)
 
 
-def wheel_factor(a: int, b: int, motion: WheelMotion, covariance: Floats) -> gtsam.NonlinearFactor:
+def wheel_factor(factor: WheelFactor, stretch: int) -> gtsam.NonlinearFactor:
     """The constraint between two keyframes and the wheels' calibration (see wheel_calibration)."""
-    keys = [pose_key(a), pose_key(b), CALIBRATION]
-    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-    return gtsam.CustomFactor(noise, keys, _wheel_error(keys, motion))
+    keys = [pose_key(factor.a), pose_key(factor.b), calibration_key(stretch)]
+    noise = gtsam.noiseModel.Gaussian.Covariance(factor.covariance)
+    return gtsam.CustomFactor(noise, keys, _wheel_error(keys, factor.motion))
 
 
 def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
@@ -79,15 +89,15 @@ def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
     return error
 
 
-def near_factor(a: int, b: int, place_a: Floats, place_b: Floats, sigma_m: float) -> gtsam.NonlinearFactor:
-    """The constraint that `place_a` (2,) m in keyframe a and `place_b` (2,) m in b are one place, to `sigma_m` an axis.
+def near_factor(factor: NearFactor, stretch: int) -> gtsam.NonlinearFactor:
+    """The constraint that a place of keyframe a and one of keyframe b are the same.
 
     Hundreds of distances of 0 m would shrink the map. So the distance is divided by the wheels' scale, which makes the
     constraint independent of that scale.
     """
-    keys = [pose_key(a), pose_key(b), CALIBRATION]
-    noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_m)
-    return gtsam.CustomFactor(noise, keys, _near_error(keys, place_a, place_b))
+    keys = [pose_key(factor.a), pose_key(factor.b), calibration_key(stretch)]
+    noise = gtsam.noiseModel.Isotropic.Sigma(2, factor.sigma_m)
+    return gtsam.CustomFactor(noise, keys, _near_error(keys, factor.place_a, factor.place_b))
 
 
 def _near_error(keys: list[int], place_a: Floats, place_b: Floats) -> Callable[..., Floats]:

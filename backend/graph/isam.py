@@ -4,17 +4,17 @@ import gtsam
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.gtsam_factors import CALIBRATION
+from wayfi.backend.graph.gtsam_factors import calibration_key
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats
 
 
 def new_isam(config: BackendConfig, prior: WheelCalibration, calibration: Floats) -> gtsam.ISAM2:
-    """An iSAM2 that holds only the wheels' calibration, with its `prior`, linearised at `calibration` (4,)."""
+    """An iSAM2 that holds only the wheels' first calibration, with its `prior`, linearised at `calibration` (4,)."""
     isam = gtsam.ISAM2(_params(config))
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.addPriorVector(CALIBRATION, prior.values, gtsam.noiseModel.Diagonal.Sigmas(prior.sigmas))
-    values.insert(CALIBRATION, calibration)
+    graph.addPriorVector(calibration_key(0), prior.values, gtsam.noiseModel.Diagonal.Sigmas(prior.sigmas))
+    values.insert(calibration_key(0), calibration)
     isam.update(graph, values)
     return isam
 

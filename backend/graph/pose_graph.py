@@ -1,31 +1,38 @@
 """The pose graph: keyframes, the wheels' calibration and the factors between them, smoothed incrementally by iSAM2.
 
+The calibration is a chain of states along the path, because wheels change; one state that every factor shared would
+also make each update visit the whole graph.
+
 gtsam's update keeps a bad factor after it has raised an error. So every factor is validated before it enters iSAM2, and
 the graph can be rebuilt at any time from the factors that are kept here.
 """
 
-import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import Factor, FactorError, NearFactor, WheelFactor, closes_loop, validate
-from wayfi.backend.graph.gtsam_factors import (
-    CALIBRATION,
-    calibrated_factor,
-    gtsam_factor,
-    origin_factor,
-    pose_key,
+from wayfi.backend.graph.batch import of_gtsam, optimised
+from wayfi.backend.graph.calibration_chain import CalibrationChain
+from wayfi.backend.graph.factors import (
+    BetweenFactor,
+    Factor,
+    FactorError,
+    WheelFactor,
+    closes_loop,
+    distance_m,
+    sigma_m,
+    validate,
 )
+from wayfi.backend.graph.gtsam_factors import calibration_key, gtsam_factor, origin_factor, pose_key
 from wayfi.backend.graph.isam import new_isam
-from wayfi.backend.graph.wheel_calibration import WheelCalibration
+from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
-FIXED_SIGMA = 1e-6  # of a calibration that a rebuild holds fixed: 1 mrad of heading over 1 km
 MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
 SURE_SIGMAS = 3  # a closure that is no further off than so many of its own sigmas is no surprise
 
@@ -59,6 +66,8 @@ class PoseGraph:
         self._cached_poses: Floats = np.zeros((1, 3))
         self._cache_stale = False
         self._first_guesses: list[Pose2] = []
+        self._chain = CalibrationChain(config)
+        self._stretches = 1
         self._reset_isam(self._prior.values)
 
     def add_keyframe(self, guess: Pose2) -> int:
@@ -67,6 +76,7 @@ class PoseGraph:
             raise FactorError(f"the first guess of keyframe {self.keyframes} is not finite: {guess}")
         self._queued_poses[self.keyframes] = guess
         self._first_guesses.append(guess)
+        self._chain.add_keyframe()
         self.keyframes += 1
         return self.keyframes - 1
 
@@ -76,6 +86,7 @@ class PoseGraph:
         number, self._next = self._next, self._next + 1
         self._factors[number] = factor
         self._queued.append(number)
+        self._chain.add(factor)
         return number
 
     def remove(self, number: int) -> None:
@@ -92,14 +103,13 @@ class PoseGraph:
 
         iSAM2 takes Gauss-Newton steps, which diverge when a closure is far off: then the graph is rebuilt.
         """
-        summary = UpdateSummary(len(self._queued), len(self._removed), len(self._factors))
-        moves = self.pending
+        summary, moves = UpdateSummary(len(self._queued), len(self._removed), len(self._factors)), self.pending
         if self._requested_start is not None:
             calibration, poses = self._requested_start
             self._rebuild(calibration, self._with_new_keyframes(poses))
             return summary
         if max((self._surprise_m(self._factors[n]) for n in self._queued), default=0.0) > self._config.leap_m:
-            self._rebuild(self.calibration_values(), self._with_new_keyframes(self._estimated_poses()))
+            self._rebuild(self.calibrations(), self._with_new_keyframes(self._estimated_poses()))
             return summary
         try:
             self._update_isam()
@@ -131,17 +141,27 @@ class PoseGraph:
         return self._requested_start is not None
 
     def restart(self, calibration: Floats, poses: Floats) -> None:
-        """With the next update, optimise the whole graph from `poses` (n, 3) and `calibration` (4,).
+        """With the next update, optimise the whole graph from `poses` (n, 3) and `calibration` (4,) or (k, 4).
 
         For leaving a wrong local minimum. Keyframes that are added before that update continue from the last pose.
         """
         self._requested_start = (calibration, poses)
 
+    def replace_motions(self, motions: list[WheelMotion]) -> None:
+        """With the next update, let the wheel factors, in their order, have other motions; starts from the estimate."""
+        numbers = [number for number, factor in self._factors.items() if isinstance(factor, WheelFactor)]
+        for number, motion in zip(numbers, motions, strict=True):
+            factor = self._factors[number]
+            assert isinstance(factor, WheelFactor)
+            self._factors[number] = replace(factor, motion=motion)
+            self._chain.add(self._factors[number])
+        self._requested_start = (self.calibrations(), self.poses())
+
     def __getstate__(self) -> dict[str, Any]:
         """The state with the estimate in place of iSAM2, which cannot be pickled. No keyframe may be queued."""
         assert not self._queued_poses
         state = {name: value for name, value in vars(self).items() if name not in ("_isam", "_linearization_point")}
-        return state | {"estimate": (self.calibration_values(), self.poses()) if self.keyframes else None}
+        return state | {"estimate": (self.calibrations(), self.poses()) if self.keyframes else None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Start iSAM2 again from the estimate; what was queued stays queued."""
@@ -159,37 +179,38 @@ class PoseGraph:
     def _rebuild(self, calibration: Floats, poses: Floats, numbers: Iterable[int] | None = None) -> None:
         """Optimise all keyframes from `poses` (n, 3) by Levenberg-Marquardt; iSAM2 starts again from the result.
 
-        `calibration` (4,) is held fixed meanwhile. The factors are those of `numbers`, or all.
+        `calibration` (4,), or (k, 4) with one a stretch, is held fixed meanwhile. The factors are those of `numbers`,
+        or all.
         """
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        graph.addPriorVector(CALIBRATION, calibration, gtsam.noiseModel.Isotropic.Sigma(4, FIXED_SIGMA))
-        values.insert(CALIBRATION, calibration)
-        graph.add(origin_factor())
-        for keyframe, (x, y, theta) in enumerate(poses):
-            values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
+        calibrations = self._chain.on_every_stretch(calibration, self._factors.values())
         numbers = list(self._factors if numbers is None else numbers)
-        for number in numbers:
-            graph.add(calibrated_factor(self._factors[number], calibration))
-        solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-        self._reset_isam(calibration)
+        solved = optimised([self._factors[number] for number in numbers], self._chain, calibrations, poses)
+        self._reset_isam(calibrations[0])
         self._queued = list(numbers)
         self._isam_indices, self._removed, self._requested_start = {}, [], None
-        self._queued_poses = {k: _pose2(solved.atPose2(pose_key(k))) for k in range(len(poses))}
-        self._update_isam()
+        self._queued_poses = dict(enumerate(solved))
+        self._update_isam(calibrations)
         for _ in range(self._config.settle_updates):
             self._isam.update()
         self._cached_poses, self._cache_stale = self._estimated_poses(), False
 
-    def _update_isam(self) -> None:
+    def _update_isam(self, calibrations: Floats | None = None) -> None:
+        """Hand everything queued to iSAM2; new stretches begin at `calibrations` (k, 4), or as the newest one is."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        last = max((self._chain.stretch(self._factors[n]) for n in self._queued), default=0)
+        if last >= self._stretches:
+            known = self.calibrations() if calibrations is None else calibrations
+            self._chain.add_states(range(self._stretches, last + 1), known, graph, values)
+            self._stretches = last + 1
+        walks = graph.size()
         for number in self._queued:
-            graph.add(gtsam_factor(self._factors[number]))
+            graph.add(gtsam_factor(self._factors[number], self._chain.stretch(self._factors[number])))
         for keyframe, guess in self._queued_poses.items():
             values.insert(pose_key(keyframe), gtsam.Pose2(guess.x, guess.y, guess.theta))
             if keyframe == 0:
                 graph.add(origin_factor())
         result = self._isam.update(graph, values, self._removed)
-        self._isam_indices.update(zip(self._queued, result.getNewFactorsIndices(), strict=False))
+        self._isam_indices.update(zip(self._queued, list(result.getNewFactorsIndices())[walks:], strict=False))
         self._queued, self._queued_poses, self._removed = [], {}, []
 
     def _with_new_keyframes(self, poses: Floats) -> Floats:
@@ -206,20 +227,15 @@ class PoseGraph:
 
     def _surprise_m(self, factor: Factor) -> float:
         """How far (m) a loop closure is from the estimate, less SURE_SIGMAS of it; 0 for a factor that is none."""
-        if not closes_loop(factor) or isinstance(factor, WheelFactor):
+        if not closes_loop(factor):
             return 0.0
-        T_map_a, T_map_b = self.pose(factor.a), self.pose(factor.b)
-        if isinstance(factor, NearFactor):
-            (ax, ay), (bx, by) = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
-            return math.hypot(bx - ax, by - ay) - SURE_SIGMAS * factor.sigma_m
-        apart = T_map_a.between(T_map_b).distance(factor.T_a_b)
-        return apart - SURE_SIGMAS * math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
+        return distance_m(factor, self.pose(factor.a), self.pose(factor.b)) - SURE_SIGMAS * sigma_m(factor)
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated; the first guess before the next update."""
         if keyframe in self._queued_poses:
             return self._queued_poses[keyframe]
-        return _pose2(self._isam.calculateEstimatePose2(pose_key(keyframe)))
+        return of_gtsam(self._isam.calculateEstimatePose2(pose_key(keyframe)))
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`."""
@@ -228,14 +244,18 @@ class PoseGraph:
         return self._cached_poses.copy()
 
     def calibration(self) -> WheelCalibration:
-        """The wheels' calibration with its marginal sigmas."""
-        values = np.asarray(self._isam.calculateEstimateVector(CALIBRATION))
-        covariance = self._isam.marginalCovariance(CALIBRATION)
-        return WheelCalibration(values, np.sqrt(np.maximum(np.diag(covariance), MIN_VARIANCE)))
+        """The wheels' calibration on the newest stretch, with its marginal sigmas."""
+        covariance = self._isam.marginalCovariance(calibration_key(self._stretches - 1))
+        return WheelCalibration(self.calibration_values(), np.sqrt(np.maximum(np.diag(covariance), MIN_VARIANCE)))
 
     def calibration_values(self) -> Floats:
-        """(4,) the wheels' calibration without its sigmas, which take longer."""
-        return np.asarray(self._isam.calculateEstimateVector(CALIBRATION))
+        """(4,) the wheels' calibration on the newest stretch without its sigmas, which take longer."""
+        return np.asarray(self._isam.calculateEstimateVector(calibration_key(self._stretches - 1)))
+
+    def calibrations(self) -> Floats:
+        """(k, 4) the wheels' calibration on each stretch of the path."""
+        keys = [calibration_key(stretch) for stretch in range(self._stretches)]
+        return np.array([self._isam.calculateEstimateVector(key) for key in keys])
 
     def covariance(self, keyframe: int) -> Floats:
         """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
@@ -261,14 +281,16 @@ class PoseGraph:
         """The wheel factors in the order in which they were added."""
         return [factor for factor in self._factors.values() if isinstance(factor, WheelFactor)]
 
+    def scan_matched(self) -> NDArray[np.bool_]:
+        """(n - 1,) whether a scan match relates each keyframe to the next."""
+        matched = [f.a for f in self._factors.values() if isinstance(f, BetweenFactor) and f.b == f.a + 1]
+        return np.isin(np.arange(self.keyframes - 1), matched)
+
     def factors(self) -> dict[int, Factor]:
         """Every factor by its number, queued ones included."""
         return dict(self._factors)
 
     def _reset_isam(self, calibration: Floats) -> None:
         self._isam = new_isam(self._config, self._prior, calibration)
+        self._stretches = 1
         self._linearization_point = self._isam.getLinearizationPoint()  # else gtsam copies it for every Python factor
-
-
-def _pose2(pose: gtsam.Pose2) -> Pose2:
-    return Pose2(pose.x(), pose.y(), pose.theta())

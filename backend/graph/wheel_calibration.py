@@ -56,17 +56,19 @@ class WheelMotion:
 
 
 def corrected_all(motions: Floats, calibration: Floats) -> Floats:
-    """(n, 3) corrected motions of (n, 5) rows x, y, theta, path_m, seconds."""
-    scale, turn_scale, per_m, per_s = calibration
+    """(n, 3) corrected motions of (n, 5) rows x, y, theta, path_m, seconds.
+
+    `calibration` is one (4,), or one each (n, 4).
+    """
+    scale, turn_scale, per_m, per_s = calibration.T
     extra = turn_scale * motions[:, 2] + per_m * motions[:, 3] + per_s * motions[:, 4]
     c, s = np.cos(extra / 2) * (1 + scale), np.sin(extra / 2) * (1 + scale)
     x, y = motions[:, 0], motions[:, 1]
     return np.stack([c * x - s * y, s * x + c * y, wrap_all(motions[:, 2] + extra)], axis=1)
 
 
-def dead_reckoning(motions: Floats, calibration: Floats) -> Floats:
-    """(n + 1, 3) poses from the origin, by (n, 5) wheel motions corrected with `calibration` (4,)."""
-    steps = corrected_all(motions, calibration)
+def chain(steps: Floats) -> Floats:
+    """(n + 1, 3) poses from the origin, by the relative poses (n, 3) between them."""
     heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
     c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
     x = np.concatenate([[0.0], np.cumsum(c * steps[:, 0] - s * steps[:, 1])])

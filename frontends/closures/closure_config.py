@@ -9,7 +9,10 @@ from wayfi.backend.options import option
 class ConsensusConfig:
     """When WiFi's claims agree, and when a claim is accepted or removed."""
 
-    steps: int = option(241, "", "over 4 sigmas each way: 0.001 rad/m apart, 0.1 rad over 100 m")
+    steps: int = option(241, "", "over the reach each way: 0.001 rad/m apart, 0.1 rad over 100 m")
+    reach_sigmas: float = option(
+        4.0, "", "of the prior's turn bias, each way: the wheels of one robot in 16,000 are beyond"
+    )
     drift: float = option(0.01, "1", "of the path between two places: what the wheels of real robots err at random")
     min_gain: float = option(4.0, "", "nats by which another bias must be better, while more claims may come: 55 to 1")
     min_gain_at_end: float = option(1.0, "", "the same at the end, when there is nothing to wait for")

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoning
+from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 
 # Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
-SEARCHED_SIGMAS = 4  # of the turn bias, each way: the wheels of one robot in 16,000 are beyond
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
 
 
@@ -89,13 +88,20 @@ def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.
     return float(gains[best]), TRUE_SHARES[best] * ratio > 1 - TRUE_SHARES[best]
 
 
-def best_hypothesis(motions: Floats, pairs: Pairs, prior: WheelCalibration, config: ConsensusConfig) -> Hypothesis:
-    """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5) and `pairs`, some of them false."""
+def best_hypothesis(
+    motions: Floats, matched: Floats, pairs: Pairs, prior: WheelCalibration, config: ConsensusConfig
+) -> Hypothesis:
+    """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5) and `pairs`, some of them false.
+
+    Steps whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not
+    depend on the bias.
+    """
+    by_wheels = np.isnan(matched[:, 0])
     best: Hypothesis | None = None
-    for offset in np.linspace(-SEARCHED_SIGMAS, SEARCHED_SIGMAS, config.steps):
+    for offset in np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps):
         values = prior.values.copy()
         values[2] += offset * prior.sigmas[2]
-        poses = dead_reckoning(motions, values)
+        poses = chain(np.where(by_wheels[:, None], corrected_all(motions, values), matched))
         evidence, explained = weigh(poses, pairs, config.drift)
         evidence -= 0.5 * offset**2
         if best is None or evidence > best.evidence:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from wayfi.frontends.events import ClosureJudged, Verdict
+from wayfi.frontends.events import ClosureJudged, Event, Verdict
 
 
 class Verdicts:
@@ -31,3 +31,13 @@ class Verdicts:
         """Replace the entry of the same number by `judged`; returns it."""
         self._judged[judged.closure] = judged
         return judged
+
+    def move_stamps(self, moved: dict[int, int]) -> list[Event]:
+        """The verdicts on candidates of keyframes whose stamps have moved, stated anew."""
+        events: list[Event] = []
+        for judged in list(self._judged):
+            if judged.stamp_a_ns in moved or judged.stamp_b_ns in moved:
+                a_ns = moved.get(judged.stamp_a_ns, judged.stamp_a_ns)
+                b_ns = moved.get(judged.stamp_b_ns, judged.stamp_b_ns)
+                events.append(self.restate(replace(judged, stamp_a_ns=a_ns, stamp_b_ns=b_ns)))
+        return events

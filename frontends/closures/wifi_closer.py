@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.factors import NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2, pose_of_common_place
+from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
     Hypothesis,
@@ -76,10 +76,9 @@ class WifiCloser:
         recent = self._claims.recent()
         pairs = self._claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
-        found = best_hypothesis(self._motions(), pairs, self._prior, self._config)
+        found = best_hypothesis(self._motions(), self._matched(poses), pairs, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
-            self._searched_with = 0
             text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
             return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
         if now < gain:
@@ -185,6 +184,11 @@ class WifiCloser:
         """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
         wheels = self._graph.wheels()
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
+
+    def _matched(self, poses: Floats) -> Floats:
+        """(n, 3) the estimated steps between keyframes that scan matches relate, NaN where none does."""
+        steps = between_all(poses[:-1], poses[1:])
+        return np.where(self._graph.scan_matched()[:, None], steps, np.nan)
 
     def _shown(self, stamp_ns: int, poses: Floats) -> SequenceMatched:
         """The claims in a row that relate the newest two stretches."""

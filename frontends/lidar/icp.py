@@ -108,7 +108,7 @@ def _align(
         pose += step
         if narrow and abs(step[0]) + abs(step[1]) < SETTLED_M and abs(step[2]) < SETTLED_RAD:
             break
-    inliers, residual_m = _inliers(points, target, pose, params.inlier_m)
+    inliers, residual_m = _inliers(points, normals, target, pose, params)
     return pose, information, inliers, residual_m
 
 
@@ -130,8 +130,8 @@ def _normal_equations(
             continue
         nx, ny = wall_normals[k, 0], wall_normals[k, 1]
         turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
-        if turned_x * nx + turned_y * ny < params.min_cos:
-            continue
+        if not turned_x * nx + turned_y * ny >= params.min_cos:
+            continue  # another face, or a point without a normal, which would bias the pose
         error = nx * (x - walls[k, 0]) + ny * (y - walls[k, 1])
         weight = 1.0 / (1.0 + (error / scale_m) ** 2)
         weights += weight
@@ -145,10 +145,15 @@ def _normal_equations(
 
 
 @njit(cache=True)
-def _inliers(points: Floats, target: PointIndex, pose: Floats, inlier_m: float) -> tuple[int, float]:
-    """How many points lie within `inlier_m` of a line of the target, or of a point without one; their mean distance."""
+def _inliers(
+    points: Floats, normals: Floats, target: PointIndex, pose: Floats, params: _IcpParams
+) -> tuple[int, float]:
+    """How many points lie within `inlier_m` of a line that faces as theirs does, and their mean distance to it (m).
+
+    Where one of the two has no normal, the distance is that of the points.
+    """
     inliers, total_m = 0, 0.0
-    gate_m = min(2 * inlier_m, target.cells.cell_m)  # the nearest point lies further off than its line
+    gate_m = min(2 * params.inlier_m, target.cells.cell_m)  # the nearest point lies further off than its line
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
         x = c * points[i, 0] - s * points[i, 1] + pose[0]
@@ -159,8 +164,11 @@ def _inliers(points: Floats, target: PointIndex, pose: Floats, inlier_m: float) 
         dx, dy = x - target.points[k, 0], y - target.points[k, 1]
         error_m = np.hypot(dx, dy)
         if not np.isnan(target.normals[k, 0]):
+            turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
+            if turned_x * target.normals[k, 0] + turned_y * target.normals[k, 1] < params.min_cos:
+                continue
             error_m = abs(target.normals[k, 0] * dx + target.normals[k, 1] * dy)
-        if error_m < inlier_m:
+        if error_m < params.inlier_m:
             inliers += 1
             total_m += error_m
     return inliers, total_m / max(inliers, 1)

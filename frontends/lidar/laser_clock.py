@@ -47,6 +47,10 @@ class LaserClock:
         at_the_edge = best in (0, len(mean) - 1)
         if at_the_edge or without < config.good_error_rad**2 or without < config.min_gain * mean[best]:
             return None
+        squares = np.array(self._squared_errors)
+        agreement = float(np.mean(squares[:, best] <= squares[:, len(mean) // 2]))
+        if agreement < config.min_agreement:
+            return None
         return float(self._offsets_s[best] + _vertex(*mean[best - 1 : best + 2]) * config.step_s)
 
     def _compare(self, from_ns: int, to_ns: int, turned_rad: float, path: DrivenPath) -> None:

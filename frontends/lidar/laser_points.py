@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.lidar.line_fit import NO_POINTS, add_point, fit_line
+from wayfi.frontends.lidar.line_fit import PointSums, fit_line
 from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import LaserScan
 from wayfi.frontends.scan_points import ScanPoints
@@ -80,7 +80,7 @@ def fit_normals(points: Floats, origin: Floats, config: LidarConfig) -> tuple[Fl
     """
     lines = config.lines
     connected = _connected(points, origin, lines.shadow_m, lines.shadow_rad)
-    return _fit_normals(points, origin, connected, config.normal_radius_m, lines.neighbours, lines.corner_m)
+    return _fit_normals(points, origin, connected, config.normal_radius_m, lines.corner_m)
 
 
 @njit(cache=True)
@@ -100,19 +100,20 @@ def _connected(points: Floats, origin: Floats, shadow_m: float, shadow_rad: floa
 
 @njit(cache=True)
 def _fit_normals(
-    points: Floats, origin: Floats, connected: NDArray[np.bool_], radius_m: float, neighbours: int, corner_m: float
+    points: Floats, origin: Floats, connected: NDArray[np.bool_], radius_m: float, corner_m: float
 ) -> tuple[Floats, Floats]:
     n = points.shape[0]
     normals = np.full((n, 2), np.nan)
     placed = points.copy()
+    sums = _running_sums(points, origin)
     for i in range(n):
         reach_m = _neighbour_reach_m(points, i, radius_m)
         first, last = i, i + 1
-        while first > max(i - neighbours, 0) and connected[first - 1]:
+        while first > 0 and connected[first - 1] and _is_near(points, i, first - 1, reach_m):
             first -= 1
-        while last < min(i + neighbours + 1, n) and connected[last - 1]:
+        while last < n and connected[last - 1] and _is_near(points, i, last, reach_m):
             last += 1
-        x, y, nx, ny = _line_at(points, i, first, last, reach_m, corner_m)
+        x, y, nx, ny = _line_at(sums, points[i] - origin, first, i, last, corner_m)
         if np.isnan(nx):
             continue
         if nx * (origin[0] - points[i, 0]) + ny * (origin[1] - points[i, 1]) < 0:
@@ -121,6 +122,24 @@ def _fit_normals(
         off = nx * x + ny * y
         placed[i, 0], placed[i, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
     return placed, normals
+
+
+@njit(cache=True)
+def _running_sums(points: Floats, origin: Floats) -> Floats:
+    """(n + 1, 5) sums over the points before each of x, y (m, from the sensor), xx, xy and yy."""
+    sums = np.zeros((len(points) + 1, 5))
+    for i in range(len(points)):
+        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
+        sums[i + 1, 0], sums[i + 1, 1] = sums[i, 0] + x, sums[i, 1] + y
+        sums[i + 1, 2], sums[i + 1, 3], sums[i + 1, 4] = sums[i, 2] + x * x, sums[i, 3] + x * y, sums[i, 4] + y * y
+    return sums
+
+
+@njit(cache=True)
+def _is_near(points: Floats, i: int, j: int, reach_m: float) -> bool:
+    dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+    near: bool = dx * dx + dy * dy <= reach_m * reach_m
+    return near
 
 
 @njit(cache=True)
@@ -135,39 +154,42 @@ def _neighbour_reach_m(points: Floats, i: int, radius_m: float) -> float:
 
 @njit(cache=True)
 def _line_at(
-    points: Floats, i: int, first: int, last: int, reach_m: float, corner_m: float
+    sums: Floats, point: Floats, first: int, i: int, last: int, corner_m: float
 ) -> tuple[float, float, float, float]:
     """The line of point i through points first..last (excluded): centroid x, y from the point, m, and unit normal.
 
     Near a corner, where that line is thick, it is the line of the better side alone.
     """
-    line = _fit_line(points, i, first, last, reach_m)
-    before = _fit_line(points, i, first, i + 1, reach_m)
-    after = _fit_line(points, i, i, last, reach_m)
+    line = _fit_line(sums, point, first, last)
+    if not line[4] > corner_m * corner_m:
+        return line[0], line[1], line[2], line[3]
+    before, after = _fit_line(sums, point, first, i + 1), _fit_line(sums, point, i, last)
     side = before if before[4] < after[4] else after
-    if line[4] > corner_m * corner_m and side[4] < HALF_AS_THICK * line[4] and not np.isnan(side[2]):
+    if side[4] < HALF_AS_THICK * line[4] and not np.isnan(side[2]):
         line = side
     return line[0], line[1], line[2], line[3]
 
 
 @njit(cache=True)
-def _fit_line(
-    points: Floats, i: int, first: int, last: int, reach_m: float
-) -> tuple[float, float, float, float, float]:
-    """The line through those of points first..last (excluded) within `reach_m` of point i.
+def _fit_line(sums: Floats, point: Floats, first: int, last: int) -> tuple[float, float, float, float, float]:
+    """The line through points first..last (excluded), by their running sums; `point` (2,) is from the sensor, m.
 
-    Centroid x, y from point i (m), unit normal x, y, and the variance across (m^2), without bias: two degrees of
+    Centroid x, y from `point` (m), unit normal x, y, and the variance across (m^2), without bias: two degrees of
     freedom belong to the line. Of fewer than 3 points the normal is NaN and the variance infinite.
     """
-    sums = NO_POINTS
-    for j in range(first, last):
-        dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-        if dx * dx + dy * dy <= reach_m * reach_m:
-            sums = add_point(sums, dx, dy)
-    if sums.n < 3:
+    n = last - first
+    if n < 3:
         return 0.0, 0.0, np.nan, np.nan, np.inf
-    mx, my, nx, ny, across = fit_line(sums)
-    return mx, my, nx, ny, across * sums.n / (sums.n - 2)
+    px, py = point[0], point[1]
+    x, y = sums[last, 0] - sums[first, 0], sums[last, 1] - sums[first, 1]
+    xx, xy = sums[last, 2] - sums[first, 2], sums[last, 3] - sums[first, 3]
+    yy = sums[last, 4] - sums[first, 4]
+    about_point = PointSums(
+        n, x - n * px, y - n * py, xx - 2 * px * x + n * px * px, xy - px * y - py * x + n * px * py,
+        yy - 2 * py * y + n * py * py,
+    )  # fmt: skip
+    mx, my, nx, ny, across = fit_line(about_point)
+    return mx, my, nx, ny, across * n / (n - 2)
 
 
 @njit(cache=True)

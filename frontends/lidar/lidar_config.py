@@ -11,7 +11,6 @@ from wayfi.frontends.lidar.icp import IcpConfig
 class LineConfig:
     """Which neighbouring beams make a line, whose normal a point gets."""
 
-    neighbours: int = option(5, "beams", "to each side: at 0.4 degrees a beam they reach normal_radius_m at 6 m")
     corner_m: float = option(0.03, "m", "sigma across a line: thicker than a range's noise, it may be two walls")
     shadow_m: float = option(0.1, "m", "a longer gap to the next beam may lead behind an edge")
     shadow_rad: float = option(0.1, "rad", "such a gap does, if it is this nearly parallel to the ray")
@@ -47,7 +46,9 @@ class LaserClockConfig:
     step_s: float = option(0.1, "s", "between offsets that are compared; a parabola through three refines the best")
     min_turn_rad: float = option(0.1, "rad", "between keyframes: a smaller turn is as much noise as turn")
     max_error_rad: float = option(0.3, "rad", "a failed scan match counts no more than this")
-    min_turns: int = option(6, "turns", "fewer may agree on an offset by chance")
+    min_turns: int = option(8, "turns", "seven were seen to agree on 0.94 s by chance")
+    min_agreement: float = option(0.8, "", "of the turns must fit better with the offset: no few large ones decide")
+    latency_s: float = option(0.35, "s", "an offset up to this is a driver's latency, as most have")
     max_turns: int = option(40, "turns", "the last ones: older turns may be from before the clock was set")
     min_gain: float = option(6.0, "1", "factor on the mean squared error; sound recordings were seen to have 2.7")
     good_error_rad: float = option(0.05, "rad", "root mean square without an offset: below it none is looked for")

@@ -1,6 +1,7 @@
 """The two trajectories of a drive: as it was published, and as it is estimated at the end."""
 
 from array import array
+from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,18 @@ class Trajectories:
         self._stamps.append(point.stamp_ns)
         self._path.extend((T.x, T.y, T.theta, point.path_m))
         self._online.extend((published.x, published.y, published.theta))
+
+    def at(self, stamp_ns: int) -> PathPoint | None:
+        """The driven path at a moment, however long ago; None outside of it."""
+        after = bisect_left(self._stamps, stamp_ns)
+        if not 0 < after < len(self):
+            return None
+        before_ns, after_ns = self._stamps[after - 1], self._stamps[after]
+        fraction = (stamp_ns - before_ns) / (after_ns - before_ns)
+        *earlier, earlier_m = self._path[4 * after - 4 : 4 * after]
+        *later, later_m = self._path[4 * after : 4 * after + 4]
+        pose = Pose2.of(earlier).interpolate(Pose2.of(later), fraction)
+        return PathPoint(stamp_ns, pose, earlier_m + fraction * (later_m - earlier_m))
 
     def stamps_ns(self) -> NDArray[np.int64]:
         """(n,) stamps, strictly increasing."""

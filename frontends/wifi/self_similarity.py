@@ -27,9 +27,8 @@ class Distance:
 class SelfSimilarity:
     """A histogram of the similarity and the distance of pairs on the robot's own path, no further than `reach_m`."""
 
-    def __init__(self, near_m: float, config: SelfSimilarityConfig) -> None:
+    def __init__(self, config: SelfSimilarityConfig) -> None:
         self._min_pairs = config.min_pairs
-        self._near = round(near_m / _DISTANCE_M)
         distances = math.ceil(config.reach_m / _DISTANCE_M)
         self._counts = np.zeros((_SIMILARITY_BINS, distances))
         self._squared_m = ((np.arange(distances) + 0.5) * _DISTANCE_M) ** 2
@@ -41,15 +40,16 @@ class SelfSimilarity:
         kept = column < self._counts.shape[1]
         np.add.at(self._counts, (row[kept], column[kept]), 1.0)
 
-    def distance(self, similarity: float) -> Distance:
+    def distance(self, similarity: float, near_m: float) -> Distance:
         """The distance that `similarity` means, by the nearest bins with enough pairs; rms inf before there are any."""
         row = min(int(similarity * _SIMILARITY_BINS), _SIMILARITY_BINS - 1)
         counts = self._counts[row]
         for reach in range(1, _SIMILARITY_BINS):
             if counts.sum() >= self._min_pairs:
-                return Distance(math.sqrt(counts @ self._squared_m / counts.sum()), self._share_near(counts))
+                return Distance(math.sqrt(counts @ self._squared_m / counts.sum()), _share_near(counts, near_m))
             counts = self._counts[max(row - reach, 0) : row + reach + 1].sum(axis=0)
         return Distance(math.inf, 0.0)
 
-    def _share_near(self, counts: Floats) -> float:
-        return float(counts[: self._near].sum() / counts.sum())
+
+def _share_near(counts: Floats, near_m: float) -> float:
+    return float(counts[: round(near_m / _DISTANCE_M)].sum() / counts.sum())

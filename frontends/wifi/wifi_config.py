@@ -9,7 +9,7 @@ from wayfi.backend.options import option
 class WifiWatchConfig:
     """When a receiver's scans are not used, and when a fault of it is a complaint."""
 
-    max_readings: int = option(256, "", "of one scan; real receivers were seen to hear 130")
+    max_readings: int = option(1000, "", "of one scan; a phone in a mall was seen to hear 437: a flood is more")
     clock_s: float = option(2.0, "s", "off the odometry's: 1 m at 0.5 m/s, and closures are to be good to 1.5 m")
     level_change_m: float = option(0.5, "m", "of path, over which the RSSI of nine in ten was seen to change")
     silent_s: float = option(60.0, "s", "a phone may be kept to a scan every half minute")
@@ -84,6 +84,7 @@ class WifiConfig:
     min_readings: int = option(4, "", "fewer access points name no place")
     min_path_m: float = option(30.0, "m", "nearer along the path a closure adds nothing new (the paper: 50)")
     near_m: float = option(3.0, "m", "places nearer than this count as one: closures are to be good to this")
+    near_gaps: float = option(1.5, "", "of the fingerprints' spacing, if that is more: phones scan every 2 to 4 s")
     min_near: float = option(0.6, "", "how likely they must be that near, by the robot's own path")
     sigma_of_rms: float = option(
         0.5, "", "two axes share the rms (1/sqrt(2)), and the best match has half of the variance of any (1/sqrt(2))"

@@ -23,6 +23,9 @@ from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers
 from wayfi.frontends.wifi.self_similarity import SelfSimilarity
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
+_GAPS = 31  # fingerprints of a receiver whose spacing counts: enough for a median, few enough to follow the speed
+_LOOK_BACK = 100  # fingerprints: those of 32 receivers, three times over
+
 
 class _AnchoredScan(NamedTuple):
     """A scan, and its place in the keyframe that was the newest when it was taken."""
@@ -42,7 +45,8 @@ class WifiFrontend:
         self.receivers = Receivers(config.receivers, receivers)
         self._open: dict[str, list[_AnchoredScan]] = {}
         self._ended_m: dict[str, float] = {}
-        self._self_similarity = SelfSimilarity(config.near_m, config.self_similarity)
+        self._gaps_m: dict[str, deque[float]] = {}
+        self._self_similarity = SelfSimilarity(config.self_similarity)
         self._reach_m = config.self_similarity.reach_m
         self._held: deque[WifiCandidate] = deque()
         self._last_candidate_m = -math.inf
@@ -83,7 +87,7 @@ class WifiFrontend:
         a, similarity = self.fingerprints[int(similar.numbers[0])], float(similar.similarity[0])
         if b.path_m - a.path_m < self._config.min_path_m:
             return None  # fingerprints of several receivers are not quite in the order of the path
-        distance = self._self_similarity.distance(similarity)
+        distance = self._self_similarity.distance(similarity, self._near_m(b.receiver))
         if distance.near < self._config.min_near:
             return None
         self._last_candidate_m = b.path_m
@@ -112,6 +116,24 @@ class WifiFrontend:
             -1, 3
         )
 
+    def _measure_gap(self, fingerprint: Fingerprint) -> None:
+        """Note the path since the receiver's last fingerprint."""
+        before = next(
+            (f for f in reversed(self.fingerprints[-_LOOK_BACK:]) if f.receiver == fingerprint.receiver), None
+        )
+        if before is not None:
+            gaps_m = self._gaps_m.setdefault(fingerprint.receiver, deque(maxlen=_GAPS))
+            gaps_m.append(fingerprint.path_m - before.path_m)
+
+    def _near_m(self, receiver: str) -> float:
+        """What counts as one place: of a slow scanner on a quick robot, as far as its next fingerprint and a half."""
+        gaps_m = self._gaps_m.get(receiver)
+        return (
+            max(self._config.near_m, self._config.near_gaps * float(np.median(gaps_m)))
+            if gaps_m
+            else self._config.near_m
+        )
+
     def _complete(self, receiver: str, scans: list[_AnchoredScan]) -> Fingerprint | None:
         readings = mean_readings([s.scan.readings for s in scans], self._config.heard_share * len(scans))
         if len(readings.bssids) < self._config.min_readings:
@@ -123,6 +145,7 @@ class WifiFrontend:
         fingerprint = Fingerprint(
             number, point.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, point, readings
         )
+        self._measure_gap(fingerprint)
         self.fingerprints.append(fingerprint)
         self._access_points.learn(fingerprint.path_m)
         self._learn_self_similarity(fingerprint)

@@ -74,9 +74,11 @@ class _LastHeard:
     def compare(self, readings: Readings, taken_m: Floats) -> tuple[list[bool], list[bool]]:
         """Whether each BSSID is new; and for each last heard `change_m` before or more, whether its RSSI is the same.
 
+        Of a receiver's first scan none counts as new.
+
         The RSSI and the place of a BSSID are replaced only once the robot has moved by `change_m`.
         """
-        new, same = [], []
+        first, new, same = not self._last, [], []
         for bssid, rssi, path_m in zip(readings.bssids, readings.rssi.tolist(), taken_m.tolist(), strict=True):
             before = self._last.pop(bssid, None)
             new.append(before is None)
@@ -87,7 +89,7 @@ class _LastHeard:
             self._last[bssid] = before if before is not None and kept else (rssi, path_m)
         while len(self._last) > KNOWN_BSSIDS:
             del self._last[next(iter(self._last))]
-        return new, same
+        return [] if first else new, same
 
 
 def faults(config: WifiWatchConfig) -> dict[str, Fault]:

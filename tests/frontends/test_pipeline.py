@@ -1,9 +1,12 @@
-"""The grid in the stream: redrawn as the drive goes, at moments that depend on the measurements alone."""
+"""The stream: the first scan is used, and the grid is redrawn at moments that depend on the measurements alone."""
 
 import numpy as np
+import pytest
 from drives import Simulated
 
-from wayfi.frontends.events import Event, GridRedrawn, PosePublished
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import Event, GridRedrawn, KeyframeAdded, PosePublished
+from wayfi.frontends.measurements import LaserScan, Odometry
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.service.config import load_config
@@ -48,3 +51,17 @@ def test_without_a_laser_there_is_nothing_to_redraw(minute: Simulated) -> None:
     pipeline = Pipeline(config)
     events = [event for arrival in minute.arrivals for event in pipeline.process(arrival.measurement)]
     assert not any(isinstance(event, GridRedrawn) for event in events)
+
+
+@pytest.mark.parametrize("odometry_first", [True, False])
+def test_a_first_scan_stamped_like_the_first_odometry_is_used(odometry_first: bool) -> None:
+    """Some robots stamp both from one clock tick; whichever of the two comes first."""
+    stamp_ns = 1_000_000_000
+    ranges = np.linspace(3.0, 5.0, 360, dtype=np.float32)
+    scan = LaserScan(stamp_ns, "base_link", ranges, 0.0, 2 * np.pi / 360, 0.1, 30.0)
+    odometry = Odometry(stamp_ns, Pose2())
+    pipeline = Pipeline(load_config((), ()))
+    arrivals = (odometry, scan) if odometry_first else (scan, odometry)
+    events = [event for measurement in arrivals for event in pipeline.process(measurement)]
+    with_scan = [e for e in events if isinstance(e, KeyframeAdded) and len(e.points)]
+    assert [e.stamp_ns for e in with_scan] == [stamp_ns]

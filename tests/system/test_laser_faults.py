@@ -233,13 +233,25 @@ def test_scans_that_come_two_seconds_late_are_used_at_their_stamps(drive: Record
     assert faulty.wrong_closures() == []
 
 
-@pytest.mark.parametrize(("shift_s", "before"), [(-2.0, [(f"laser.{LATE}", False)]), (1.0, []), (-0.3, [])])
+@pytest.mark.parametrize(("shift_s", "before"), [(-2.0, [(f"laser.{LATE}", False)]), (1.0, [])])
 def test_wrong_stamps_are_told_and_corrected(shift_s: float, before: list[tuple[str, bool]], drive: Recorded) -> None:
     faulty = drive.with_fault(stamped(shift_s))
     assert faulty.complaints()[: len(before) + 1] == [*before, ("laser.clock", False)]
     corrected = [e.text for e in faulty.events if isinstance(e, Warned) and e.complaint == "laser.clock"]
     assert len(corrected) == 1
     assert abs(told_s(corrected[0]) + shift_s) < CLOCK_S
+    assert faulty.ate_m <= STAMPED_M
+    assert faulty.wrong_closures() == []
+
+
+def test_a_driver_that_stamps_early_or_late_is_corrected_and_nothing_is_forgotten(drive: Recorded) -> None:
+    faulty = drive.with_fault(stamped(-0.3))
+    corrected = [e.text for e in faulty.events if isinstance(e, Warned) and "its driver stamps its scans" in e.text]
+    assert len(corrected) == 1
+    early = re.search(r"([\d.]+) s early", corrected[0])
+    assert early
+    assert abs(float(early[1]) - 0.3) < CLOCK_S
+    assert faulty.complaints() == []
     assert faulty.ate_m <= STAMPED_M
     assert faulty.wrong_closures() == []
 

@@ -166,11 +166,11 @@ def names(count: int, seed: int) -> tuple[str, ...]:
     return tuple("02:" + ":".join(f"{byte:02x}" for byte in row) for row in numbers.tolist())
 
 
-def five_hundred(in_scan: Callable[[float], bool], seed: Callable[[WifiScan], int]) -> Faulty:
+def flooded(in_scan: Callable[[float], bool], seed: Callable[[WifiScan], int]) -> Faulty:
     """Readings of BSSIDs that nobody has, beside the true ones."""
 
     def fault(scan: WifiScan, s: float) -> WifiScan:
-        more = 500 - len(scan.bssids)
+        more = 1500 - len(scan.bssids)
         rssi = np.random.default_rng(seed(scan)).uniform(-90, -40, more).astype(np.float32)
         crowded: Any = replace(
             scan,
@@ -204,8 +204,8 @@ FAULTS: dict[str, tuple[Faulty, str]] = {
     "a clock 5 s behind": (clock_off(-5.0), DropReason.CLOCK_OFF),
     "a clock 5 s ahead": (clock_off(5.0), DropReason.CLOCK_OFF),
     "a clock set back by 5.3 s": (clock_off(-5.3, 70.0), DropReason.CLOCK_OFF),
-    "one scan of 500 readings": (five_hundred(lambda s: 90.0 <= s < 91.0, stamp_of), DropReason.TOO_MANY_READINGS),
-    "500 readings in every scan": (five_hundred(lambda _: True, lambda _: 1), DropReason.TOO_MANY_READINGS),
+    "one scan of 1500 readings": (flooded(lambda s: 90.0 <= s < 91.0, stamp_of), DropReason.TOO_MANY_READINGS),
+    "1500 readings in every scan": (flooded(lambda _: True, lambda _: 1), DropReason.TOO_MANY_READINGS),
     "randomised BSSIDs": (randomised, DropReason.RANDOMISED_BSSIDS),
     "ten minutes of silence": (stops_for_ten_minutes, SILENT),
 }
@@ -260,7 +260,7 @@ def test_the_report_says_what_is_wrong(minute: Simulated, tmp_path: Path) -> Non
     assert [warning.split("'")[1] for warning in report["warnings"]] == ["phone_a", "phone_b"]
 
 
-@pytest.mark.parametrize("name", ["one scan of 500 readings", "ten minutes of silence", "randomised BSSIDs"])
+@pytest.mark.parametrize("name", ["one scan of 1500 readings", "ten minutes of silence", "randomised BSSIDs"])
 def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorded) -> None:
     config = load_config()
     limits = limits_of(config.zenoh)

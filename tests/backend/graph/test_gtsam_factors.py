@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
+from wayfi.backend.graph.factors import NearFactor, WheelFactor
 from wayfi.backend.graph.gtsam_factors import (
-    CALIBRATION,
     between_factor,
+    calibration_key,
     near_factor,
     pose_key,
     wheel_factor,
@@ -18,6 +19,8 @@ from wayfi.backend.graph.gtsam_factors import (
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place, wrap
 
+STRETCH = 3
+CALIBRATION = calibration_key(STRETCH)
 COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
 POSES = st.builds(Pose2, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 MOTIONS = st.builds(WheelMotion, POSES, st.floats(0, 3), st.floats(0, 10))
@@ -65,7 +68,7 @@ PLACES = st.tuples(st.floats(-2, 2), st.floats(-2, 2)).map(np.array)
 def test_the_near_factors_jacobians_are_those_of_its_error(
     a: Pose2, b: Pose2, place_a: Floats, place_b: Floats, calibration: Floats
 ) -> None:
-    assert_jacobians_match(near_factor(0, 1, place_a, place_b, 0.7), values(a, b, calibration))
+    assert_jacobians_match(near_factor(NearFactor(0, 1, place_a, place_b, 0.7), STRETCH), values(a, b, calibration))
 
 
 @settings(deadline=None, max_examples=50)
@@ -73,12 +76,12 @@ def test_the_near_factors_jacobians_are_those_of_its_error(
 def test_the_near_factor_says_nothing_of_the_scale_and_is_content_where_the_places_meet(
     a: Pose2, b: Pose2, place_a: Floats, place_b: Floats, scale: float
 ) -> None:
-    factor = near_factor(0, 1, place_a, place_b, 0.5)
+    factor = near_factor(NearFactor(0, 1, place_a, place_b, 0.5), STRETCH)
     as_driven, scaled = (
         values(a, b, np.zeros(4)),
         values(*(Pose2((1 + scale) * T.x, (1 + scale) * T.y, T.theta) for T in (a, b)), np.array([scale, 0, 0, 0])),
     )
-    shrunk = near_factor(0, 1, (1 + scale) * place_a, (1 + scale) * place_b, 0.5)
+    shrunk = near_factor(NearFactor(0, 1, (1 + scale) * place_a, (1 + scale) * place_b, 0.5), STRETCH)
     assert math.isclose(shrunk.error(scaled), factor.error(as_driven), rel_tol=1e-6, abs_tol=1e-9)
     together = pose_of_common_place(place_a, place_b, 0.3)
     assert factor.error(values(a, a @ together, np.zeros(4))) < 1e-12
@@ -94,7 +97,7 @@ def test_the_wheel_factors_jacobians_are_those_of_its_error(
     error = a.between(b).theta - motion.corrected(calibration).theta
     if abs(abs(wrap(error)) - math.pi) < 1e-3:
         return  # the error itself leaps there
-    assert_jacobians_match(wheel_factor(0, 1, motion, np.eye(3)), values(a, b, calibration))
+    assert_jacobians_match(wheel_factor(WheelFactor(0, 1, motion, np.eye(3)), STRETCH), values(a, b, calibration))
 
 
 @settings(deadline=None, max_examples=50)
@@ -103,7 +106,7 @@ def test_the_wheel_factor_is_content_where_the_calibrated_wheels_are_right(
     a: Pose2, motion: WheelMotion, calibration: Floats
 ) -> None:
     at = values(a, a @ motion.corrected(calibration), calibration)
-    assert wheel_factor(0, 1, motion, COVARIANCE).error(at) < 1e-15
+    assert wheel_factor(WheelFactor(0, 1, motion, COVARIANCE), STRETCH).error(at) < 1e-15
 
 
 @settings(deadline=None)
@@ -128,7 +131,7 @@ def test_both_factors_weigh_an_error_in_the_axes_of_a(a: Pose2, T_a_b: Pose2, di
     b = a @ Pose2(T_a_b.x + e[0], T_a_b.y + e[1], T_a_b.theta + e[2])
     at = values(a, b, np.zeros(4))
     expected = 0.5 * e @ np.linalg.solve(COVARIANCE, e)
-    wheels = wheel_factor(0, 1, WheelMotion(T_a_b, 1.0, 1.0), COVARIANCE)
+    wheels = wheel_factor(WheelFactor(0, 1, WheelMotion(T_a_b, 1.0, 1.0), COVARIANCE), STRETCH)
     between = between_factor(0, 1, T_a_b, COVARIANCE)
     assert math.isclose(wheels.error(at), expected, rel_tol=1e-3, abs_tol=1e-14)
     assert math.isclose(between.error(at), expected, rel_tol=1e-3, abs_tol=1e-14)

@@ -38,11 +38,14 @@ def test_a_closure_far_off_converges_where_no_wheels_are() -> None:
 
 def test_restarting_at_the_solution_keeps_it_and_what_comes_after_still_works() -> None:
     recorded = loops(np.array([0.0, 0.01, 0.01, 0.0]), 2)
-    graph = PoseGraph(BackendConfig(), PRIOR)
+    settled = BackendConfig(
+        settle_updates=30, relinearize_m=0.01, relinearize_rad=0.001, relinearize_calibration=0.0005
+    )
+    graph = PoseGraph(settled, PRIOR)
     drive(graph, recorded, {k: k - 80 for k in range(80, 160, 20)})
     graph.settle()
     before, covariance = graph.poses(), graph.covariance(160)
-    graph.restart(graph.calibration_values(), before)
+    graph.restart(graph.calibrations(), before)
     assert graph.pending
     graph.update()
     assert not graph.pending

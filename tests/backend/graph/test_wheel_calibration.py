@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.graph.wheel_calibration import NAMES, WheelCalibration, WheelMotion, corrected_all, dead_reckoning
+from wayfi.backend.graph.wheel_calibration import NAMES, WheelCalibration, WheelMotion, chain, corrected_all
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 
 MOTIONS = st.builds(
@@ -56,8 +56,8 @@ def test_many_motions_are_corrected_as_each_is(motions: list[WheelMotion], c: Fl
 
 @settings(deadline=None)
 @given(st.lists(MOTIONS, max_size=6), CALIBRATIONS)
-def test_dead_reckoning_is_the_chain_of_the_corrected_motions(motions: list[WheelMotion], c: Floats) -> None:
-    poses = dead_reckoning(np.array([row(motion) for motion in motions]).reshape(-1, 5), c)
+def test_a_chain_joins_the_corrected_motions(motions: list[WheelMotion], c: Floats) -> None:
+    poses = chain(corrected_all(np.array([row(motion) for motion in motions]).reshape(-1, 5), c))
     T = Pose2()
     for pose, motion in zip(poses[1:], motions, strict=True):
         T = T @ motion.corrected(c)
@@ -68,7 +68,7 @@ def test_dead_reckoning_is_the_chain_of_the_corrected_motions(motions: list[Whee
 def test_a_bias_per_metre_bends_a_straight_told_line_into_the_arc_that_was_driven() -> None:
     bias, length, steps = 0.05, 20.0, 200
     told = np.tile([length / steps, 0.0, 0.0, length / steps, 0.1], (steps, 1))
-    end = dead_reckoning(told, np.array([0.0, 0.0, bias, 0.0]))[-1]
+    end = chain(corrected_all(told, np.array([0.0, 0.0, bias, 0.0])))[-1]
     radius = 1 / bias
     arc = [radius * math.sin(bias * length), radius * (1 - math.cos(bias * length)), bias * length]
     np.testing.assert_allclose(end, arc, atol=1e-3)

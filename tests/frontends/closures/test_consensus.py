@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wayfi.backend.graph.wheel_calibration import WheelCalibration, dead_reckoning
+from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
@@ -20,6 +20,7 @@ from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration
 PRIOR = calibration_prior(OdometryConfig())
 CONFIG = ConsensusConfig()
 STEP_M, ROUND = 0.5, 120
+BY_WHEELS = np.full((3 * ROUND, 3), np.nan)  # no step is known from a scan match
 
 
 def motions(bias: float, rounds: int = 3) -> Floats:
@@ -47,7 +48,7 @@ def rounds(every: int = 10) -> tuple[list[int], list[int]]:
 
 @pytest.mark.parametrize("bias", [-0.07, -0.02, 0.0, 0.025, 0.1])
 def test_the_bias_that_makes_the_pairs_meet_is_found(bias: float) -> None:
-    found = best_hypothesis(motions(bias), pairs(*rounds()), PRIOR, CONFIG)
+    found = best_hypothesis(motions(bias), BY_WHEELS, pairs(*rounds()), PRIOR, CONFIG)
     assert found.values[2] == pytest.approx(bias, abs=0.002)
     assert found.explained.all()
     assert found.evidence > 3 * CONFIG.min_gain
@@ -60,7 +61,7 @@ def test_it_is_found_among_nine_false_pairs_for_each_true_one(seed: int) -> None
     false_b = rng.integers(80, 3 * ROUND, 9 * len(b))
     false_a = (rng.random(len(false_b)) * (false_b - 60)).astype(int)
     mixed = pairs([*a, *false_a.tolist()], [*b, *false_b.tolist()])
-    found = best_hypothesis(motions(0.04), mixed, PRIOR, CONFIG)
+    found = best_hypothesis(motions(0.04), BY_WHEELS, mixed, PRIOR, CONFIG)
     assert found.values[2] == pytest.approx(0.04, abs=0.002)
     assert found.explained[: len(a)].mean() > 0.9
     assert found.evidence > CONFIG.min_gain
@@ -72,7 +73,8 @@ def test_chance_alone_gives_hardly_any_evidence() -> None:
     for _ in range(10):
         b = rng.integers(80, 3 * ROUND, 30)
         a = (rng.random(30) * (b - 60)).astype(int)
-        evidence.append(best_hypothesis(motions(0.0), pairs(a.tolist(), b.tolist()), PRIOR, CONFIG).evidence)
+        chance = pairs(a.tolist(), b.tolist())
+        evidence.append(best_hypothesis(motions(0.0), BY_WHEELS, chance, PRIOR, CONFIG).evidence)
     assert np.median(evidence) < CONFIG.min_gain
     assert min(evidence) >= 0.0, "that all is chance is among the hypotheses"
 
@@ -80,22 +82,30 @@ def test_chance_alone_gives_hardly_any_evidence() -> None:
 def test_a_spiral_that_brings_everything_together_explains_nothing() -> None:
     """A bias under which the whole drive winds up within a few metres makes any pair meet, and so no pair tells."""
     a, b = rounds()
-    wound = dead_reckoning(motions(0.0), np.array([0.0, 0.0, 2.0, 0.0]))
-    right = dead_reckoning(motions(0.0), np.zeros(4))
+    wound = chain(corrected_all(motions(0.0), np.array([0.0, 0.0, 2.0, 0.0])))
+    right = chain(corrected_all(motions(0.0), np.zeros(4)))
     assert driven_area(wound) < 0.05 * driven_area(right)
     assert weigh(wound, pairs(a, b), CONFIG.drift)[0] < 0.2 * weigh(right, pairs(a, b), CONFIG.drift)[0]
 
 
 def test_half_the_weight_is_half_the_evidence() -> None:
     a, b = rounds()
-    poses = dead_reckoning(motions(0.0), np.zeros(4))
+    poses = chain(corrected_all(motions(0.0), np.zeros(4)))
     whole, half = (weigh(poses, pairs(a, b, weight=w), CONFIG.drift)[0] for w in (1.0, 0.5))
     assert half == pytest.approx(whole / 2)
 
 
+def test_where_scan_matches_give_the_steps_no_bias_is_better_than_another() -> None:
+    right = corrected_all(motions(0.0), np.zeros(4))
+    found = best_hypothesis(motions(0.05), right, pairs(*rounds()), PRIOR, CONFIG)
+    np.testing.assert_allclose(found.poses, chain(right), atol=1e-9)
+    assert found.values[2] == pytest.approx(0.0, abs=1e-9)
+    assert found.explained.all()
+
+
 def test_a_known_calibration_is_kept_to() -> None:
     known = WheelCalibration(np.array([0.0, 0.0, 0.03, 0.0]), replace(PRIOR).sigmas * (1, 1, 0.01, 1))
-    found = best_hypothesis(motions(0.0), pairs(*rounds()), known, CONFIG)
+    found = best_hypothesis(motions(0.0), BY_WHEELS, pairs(*rounds()), known, CONFIG)
     assert abs(found.values[2] - 0.03) <= 4 * known.sigmas[2] + 1e-12
 
 

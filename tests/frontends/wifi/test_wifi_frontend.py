@@ -202,3 +202,16 @@ def test_places_follow_their_keyframes() -> None:
         run.wifi.places(moved)[:, :2], Pose2(5.0, -3.0, 1.0).transform(run.wifi.places(run.poses)[:, :2]), atol=1e-9
     )
     assert WifiFrontend(WifiConfig(), {}).places(np.zeros((1, 3))).shape == (0, 3)
+
+
+def test_a_slow_scanner_on_a_quick_robot_proposes_loops_too() -> None:
+    """A scan each three seconds at a metre a second: no two fingerprints of a pass are within near_m of each other."""
+    scarce = drive(12.0, WifiConfig(), step_m=3.2)
+    gaps = np.diff([f.path_m for f in scarce.wifi.fingerprints])
+    assert gaps.min() > WifiConfig().near_m
+    assert len(scarce.candidates) > 5
+    a, b = (
+        [scarce.wifi.places(scarce.poses)[f.number, :2] for f in side]
+        for side in zip(*((c.a, c.b) for c in scarce.candidates), strict=True)
+    )
+    assert np.median(np.hypot(*(np.array(a) - np.array(b)).T)) < 4.0

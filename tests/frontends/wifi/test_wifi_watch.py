@@ -168,6 +168,17 @@ def test_one_scan_of_too_many_readings_is_refused_and_told() -> None:
     assert str(CONFIG.max_readings + 1) in drive.warnings[0].text
 
 
+def test_a_mall_full_of_access_points_is_no_fault() -> None:
+    """A phone in a mall was seen to hear 437 of them in one scan, a few of them new each time."""
+    watch, rng = WifiWatch(CONFIG), np.random.default_rng(0)
+    for k in range(30):
+        bssids = tuple(f"02:00:00:00:{n >> 8:02x}:{n & 255:02x}" for n in range(20 * k, 20 * k + 437))
+        rssi = rng.uniform(-90, -40, 437).astype(np.float32)
+        assert list(watch.count(k * S, "phone", 437)) == []
+        heard = Readings(bssids, rssi, np.zeros(437, np.float32))
+        assert list(watch.compare_rssi(k * S, "phone", heard, np.full(437, float(k)))) == []
+
+
 @pytest.mark.parametrize(("ahead_s", "said"), [(5.0, "5.0 s ahead of"), (-5.0, "5.0 s behind")])
 def test_a_clock_that_is_off_is_refused_at_once_and_told(ahead_s: float, said: str) -> None:
     drive = Drive()

@@ -1,0 +1,62 @@
+"""The wheels' calibration along the path: one state for each stretch of it, joined by a random walk."""
+
+import math
+from collections.abc import Iterable
+
+import gtsam
+import numpy as np
+
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.factors import BetweenFactor, Factor, WheelFactor
+from wayfi.backend.graph.gtsam_factors import calibration_key, walk_factor
+from wayfi.backend.pose2 import Floats
+
+
+class CalibrationChain:
+    """Knows the stretch of each keyframe, by the path that the wheel factors measure."""
+
+    def __init__(self, config: BackendConfig) -> None:
+        self._config = config
+        self._path_m: list[float] = []
+        self._matched: set[int] = set()
+
+    def add_keyframe(self) -> None:
+        """Add the next keyframe, at the place of the one before until a wheel factor says otherwise."""
+        self._path_m.append(self._path_m[-1] if self._path_m else 0.0)
+
+    def add(self, factor: Factor) -> None:
+        """Take note of a new factor: how far its later keyframe is along the path, or that scans relate the two."""
+        if isinstance(factor, WheelFactor):
+            self._path_m[factor.b] = self._path_m[factor.a] + factor.motion.path_m
+        elif isinstance(factor, BetweenFactor) and factor.b == factor.a + 1:
+            self._matched.add(self.stretch(factor))
+
+    def stretch(self, factor: Factor) -> int:
+        """The stretch that a factor's later keyframe is on."""
+        return int(self._path_m[factor.b] / self._config.stretch_m)
+
+    def on_every_stretch(self, calibration: Floats, factors: Iterable[Factor]) -> Floats:
+        """(k, 4) for all stretches of `factors`, from one calibration (4,) or those of the first stretches (j, 4)."""
+        known = np.atleast_2d(calibration)
+        stretches = max((self.stretch(factor) for factor in factors), default=0) + 1
+        return known[np.minimum(np.arange(stretches), len(known) - 1)]
+
+    def add_states(
+        self, stretches: Iterable[int], calibrations: Floats, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+    ) -> None:
+        """Add the states of `stretches` and the walk to each; they begin at `calibrations` (k, 4), or its last."""
+        for stretch in stretches:
+            values.insert(calibration_key(stretch), calibrations[min(stretch, len(calibrations) - 1)])
+            graph.add(walk_factor(stretch, self._walk_sigmas(stretch)))
+
+    def _walk_sigmas(self, stretch: int) -> Floats:
+        """(4,) of the random walk's step to a stretch: small where no scan match shows the wheels' error there."""
+        config = self._config
+        rates = (
+            config.walk_distance_scale,
+            config.walk_turn_scale,
+            config.walk_turn_bias_rad_per_m,
+            config.walk_turn_bias_rad_per_s,
+        )
+        observed = 1.0 if stretch in self._matched else config.unobserved_walk
+        return observed * math.sqrt(config.stretch_m) * np.array(rates)
