@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
-from wayfi.backend.graph.gtsam_factors import CALIBRATION as CALIBRATION_KEY
-from wayfi.backend.graph.gtsam_factors import between_factor, near_factor, pose_key
+from wayfi.backend.graph.gtsam_factors import between_factor, calibration_key, near_factor, pose_key
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, between_all
 from wayfi.recordings.files.g2o import write_g2o
@@ -97,6 +96,6 @@ def test_two_places_that_are_one_leave_turning_open_and_weigh_distance_as_the_gr
     for step in ((0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.0, 0.0, 0.01)):
         moved = Pose2(*poses[0]) @ T @ Pose2(*step)
         at = values(np.array([poses[0], moved.array()]), key=True)
-        at.insert(CALIBRATION_KEY, np.zeros(4))
-        expected = near_factor(0, 1, near.place_a, near.place_b, near.sigma_m).error(at)
+        at.insert(calibration_key(0), np.zeros(4))
+        expected = near_factor(near, 0).error(at)
         assert 0.5 * np.array(step) @ information @ np.array(step) == pytest.approx(expected, rel=0.02)
