@@ -24,7 +24,6 @@ from wayfi.frontends.wifi.self_similarity import SelfSimilarity
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 _GAPS = 31  # fingerprints of a receiver whose spacing counts: enough for a median, few enough to follow the speed
-_LOOK_BACK = 100  # fingerprints: those of 32 receivers, three times over
 
 
 class _AnchoredScan(NamedTuple):
@@ -45,6 +44,7 @@ class WifiFrontend:
         self.receivers = Receivers(config.receivers, receivers)
         self._open: dict[str, list[_AnchoredScan]] = {}
         self._ended_m: dict[str, float] = {}
+        self._last_m: dict[str, float] = {}
         self._gaps_m: dict[str, deque[float]] = {}
         self._self_similarity = SelfSimilarity(config.self_similarity)
         self._reach_m = config.self_similarity.reach_m
@@ -118,21 +118,18 @@ class WifiFrontend:
 
     def _measure_gap(self, fingerprint: Fingerprint) -> None:
         """Note the path since the receiver's last fingerprint."""
-        before = next(
-            (f for f in reversed(self.fingerprints[-_LOOK_BACK:]) if f.receiver == fingerprint.receiver), None
-        )
-        if before is not None:
+        before_m = self._last_m.get(fingerprint.receiver)
+        if before_m is not None:
             gaps_m = self._gaps_m.setdefault(fingerprint.receiver, deque(maxlen=_GAPS))
-            gaps_m.append(fingerprint.path_m - before.path_m)
+            gaps_m.append(fingerprint.path_m - before_m)
+        self._last_m[fingerprint.receiver] = fingerprint.path_m
 
     def _near_m(self, receiver: str) -> float:
         """What counts as one place: of a slow scanner on a quick robot, as far as its next fingerprint and a half."""
         gaps_m = self._gaps_m.get(receiver)
-        return (
-            max(self._config.near_m, self._config.near_gaps * float(np.median(gaps_m)))
-            if gaps_m
-            else self._config.near_m
-        )
+        if not gaps_m:
+            return self._config.near_m
+        return max(self._config.near_m, self._config.near_gaps * float(np.median(gaps_m)))
 
     def _complete(self, receiver: str, scans: list[_AnchoredScan]) -> Fingerprint | None:
         readings = mean_readings([s.scan.readings for s in scans], self._config.heard_share * len(scans))

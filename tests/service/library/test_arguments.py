@@ -132,7 +132,9 @@ def test_a_mount_comes_before_the_first_scan_of_its_laser() -> None:
 
 @pytest.mark.parametrize("no_return", [1e4, 65535.0, math.inf, math.nan])
 def test_a_driver_s_number_for_no_return_is_no_unit(no_return: float) -> None:
-    scan(wayfi.Slam(), [no_return] * 300 + [2.0] * 59, range_max=30.0)
+    slam = wayfi.Slam()
+    scan(slam, [no_return] * 300 + [2.0] * 59, range_max=30.0)
+    assert slam.finish().report["messages"]["/scan"] == 1
 
 
 def test_what_is_masked_is_no_return() -> None:
