@@ -13,6 +13,7 @@ from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.grid.grid_map import GridMap
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
@@ -49,6 +50,7 @@ class SlamCore:
         self._graph = PoseGraph(config.backend, prior.wheels)
         self.keyframes = Keyframes()
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
+        self._axes = AxisHeadings(self._graph, prior.wheels, config.odometry.axes)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
         self._grid = GridMap(config.map)
         self._start_tracking()
@@ -230,9 +232,13 @@ class SlamCore:
         if placed is not None:
             with self._timer("scan_matching"):
                 tracked = self._track(placed, motion, number)
-        self._graph.add(WheelFactor(number - 1, number, motion, self._tracker.wheel_covariance(motion)))
+        covariance = self._tracker.wheel_covariance(motion)
+        self._graph.add(WheelFactor(number - 1, number, motion, covariance))
         if tracked and self._is_match(tracked):
+            self._axes.interrupt()
             self._add_match(tracked, point, number)
+        else:
+            self._axes.follow(number, motion, covariance[2, 2], self.poses)
         return tracked
 
     def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> KeyframeMatch | None:

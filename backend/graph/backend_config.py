@@ -18,6 +18,8 @@ class BackendConfig:
     walk_turn_bias_rad_per_m: float = option(0.001, "rad/m per sqrt(m)", "real robots need 0.0005 to 0.002")
     walk_turn_bias_rad_per_s: float = option(0.0001, "rad/s per sqrt(m)", "gyroscopes: 3e-5 to 1e-4 rad/s per sqrt(s)")
     unobserved_walk: float = option(0.1, "", "of these where no scan match shows it: closures would bend it at will")
+    axes_stretches: int = option(5, "", "of these stretches on which a building's axes have one direction: 50 m")
+    walk_axes_rad: float = option(0.01, "rad", "between those: walls are straighter than half a degree in 50 m")
     leap_m: float = option(1.0, "m", "from a closure further off than this a Gauss-Newton step may diverge")
     settle_updates: int = option(5, "", "Gauss-Newton steps at a drive's end, for what the last closures moved")
     uncertain_sigma_m: float = option(1.0, "m", "above it the pose says which room, not where in it")

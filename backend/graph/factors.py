@@ -50,16 +50,41 @@ class NearFactor:
     sigma_m: float
 
 
-Factor = BetweenFactor | WheelFactor | NearFactor
+@dataclass(frozen=True, slots=True)
+class AxisFactor:
+    """Keyframe b heads `turned` rad from the direction of the axes of a wing of the building, to `sigma_rad`.
+
+    The direction is an unknown of the wing, numbered from 1.
+    """
+
+    b: int
+    wing: int
+    turned: float
+    sigma_rad: float
+
+    @property
+    def a(self) -> int:
+        """The keyframe itself: it is related to none before."""
+        return self.b
 
 
-def closes_loop(factor: Factor) -> bool:
-    """Whether a factor relates keyframes that are not consecutive."""
-    return isinstance(factor, NearFactor) or (isinstance(factor, BetweenFactor) and abs(factor.a - factor.b) > 1)
+Factor = BetweenFactor | WheelFactor | NearFactor | AxisFactor
+
+
+def moves_earlier(factor: Factor) -> bool:
+    """Whether a factor may move other keyframes than the newest: it says more than one step does."""
+    if isinstance(factor, BetweenFactor):
+        return abs(factor.a - factor.b) > 1
+    return isinstance(factor, NearFactor | AxisFactor)
 
 
 def distance_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
-    """How far (m) the positions of two keyframes are from what a factor says, the keyframes at these poses."""
+    """How far (m) the positions of two keyframes are from what a factor says, the keyframes at these poses.
+
+    An axis says nothing of positions.
+    """
+    if isinstance(factor, AxisFactor):
+        return 0.0
     if isinstance(factor, NearFactor):
         at_a, at_b = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
         return math.hypot(*(at_b - at_a))
@@ -68,7 +93,9 @@ def distance_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
 
 
 def sigma_m(factor: Factor) -> float:
-    """The standard deviation (m) of a factor's position along each axis, in the mean of both."""
+    """The standard deviation (m) of a factor's position along each axis, in the mean of both; inf if it has none."""
+    if isinstance(factor, AxisFactor):
+        return math.inf
     if isinstance(factor, NearFactor):
         return factor.sigma_m
     return math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
@@ -77,6 +104,9 @@ def sigma_m(factor: Factor) -> float:
 def validate(factor: Factor, keyframes: int) -> None:
     """Raise FactorError if a graph with this number of `keyframes` could not be solved with the factor."""
     name = f"{type(factor).__name__} {factor.a} -> {factor.b}"
+    if isinstance(factor, AxisFactor):
+        _validate_axis(name, factor, keyframes)
+        return
     if not (0 <= factor.a < keyframes and 0 <= factor.b < keyframes) or factor.a == factor.b:
         raise FactorError(f"{name}: both keyframes must be in the graph and differ (it has {keyframes})")
     if isinstance(factor, NearFactor):
@@ -84,6 +114,13 @@ def validate(factor: Factor, keyframes: int) -> None:
     else:
         _validate_motion(name, factor)
         _validate_covariance(name, factor.covariance)
+
+
+def _validate_axis(name: str, axis: AxisFactor, keyframes: int) -> None:
+    if not 0 <= axis.b < keyframes:
+        raise FactorError(f"{name}: its keyframe must be in the graph (it has {keyframes})")
+    if not (math.isfinite(axis.turned) and 0 < axis.sigma_rad < math.inf):
+        raise FactorError(f"{name}: its heading must be finite, and its sigma finite and above zero")
 
 
 def _validate_places(name: str, near: NearFactor) -> None:

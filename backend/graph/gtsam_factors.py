@@ -6,7 +6,7 @@ from collections.abc import Callable
 import gtsam
 import numpy as np
 
-from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, wrap
 
@@ -23,8 +23,15 @@ def calibration_key(stretch: int) -> int:
     return int(gtsam.symbol("c", stretch))
 
 
-def gtsam_factor(factor: Factor, stretch: int) -> gtsam.NonlinearFactor:
-    """The factor with the wheels' calibration on `stretch` as an unknown."""
+def axes_key(state: int) -> int:
+    """gtsam's key of the direction of a building's axes, a vector of one number."""
+    return int(gtsam.symbol("d", state))
+
+
+def gtsam_factor(factor: Factor, stretch: int, axes: int) -> gtsam.NonlinearFactor:
+    """The factor, with the wheels' calibration on `stretch` and the state `axes` of the building's as unknowns."""
+    if isinstance(factor, AxisFactor):
+        return axis_factor(factor, axes)
     if isinstance(factor, BetweenFactor):
         return between_factor(factor.a, factor.b, factor.T_a_b, factor.covariance)
     if isinstance(factor, NearFactor):
@@ -32,11 +39,11 @@ def gtsam_factor(factor: Factor, stretch: int) -> gtsam.NonlinearFactor:
     return wheel_factor(factor, stretch)
 
 
-def calibrated_factor(factor: Factor, stretch: int, calibration: Floats) -> gtsam.NonlinearFactor:
+def calibrated_factor(factor: Factor, stretch: int, axes: int, calibration: Floats) -> gtsam.NonlinearFactor:
     """The factor with a known calibration (4,): a wheel factor is then gtsam's own BetweenFactor, many times faster."""
     if isinstance(factor, WheelFactor):
         return between_factor(factor.a, factor.b, factor.motion.corrected(calibration), factor.covariance)
-    return gtsam_factor(factor, stretch)
+    return gtsam_factor(factor, stretch, axes)
 
 
 def origin_factor() -> gtsam.NonlinearFactor:
@@ -49,6 +56,37 @@ def walk_factor(stretch: int, sigmas: Floats) -> gtsam.NonlinearFactor:
     """The random walk of the wheels' calibration from the stretch before, with `sigmas` (4,) of its step."""
     noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
     return gtsam.BetweenFactorVector(calibration_key(stretch - 1), calibration_key(stretch), np.zeros(4), noise)
+
+
+def axes_walk(state: int, sigma_rad: float) -> gtsam.NonlinearFactor:
+    """The random walk of the direction of the axes from the state before."""
+    noise = gtsam.noiseModel.Isotropic.Sigma(1, sigma_rad)
+    return gtsam.BetweenFactorVector(axes_key(state - 1), axes_key(state), np.zeros(1), noise)
+
+
+def axes_prior(state: int, direction: float, sigma_rad: float) -> gtsam.NonlinearFactor:
+    """The prior of the `direction` (rad) of the axes of a new wing."""
+    return gtsam.PriorFactorVector(
+        axes_key(state), np.array([direction]), gtsam.noiseModel.Isotropic.Sigma(1, sigma_rad)
+    )
+
+
+def axis_factor(factor: AxisFactor, state: int) -> gtsam.NonlinearFactor:
+    """The constraint between a keyframe's heading and the direction of the axes."""
+    keys = [pose_key(factor.b), axes_key(state)]
+    noise = gtsam.noiseModel.Isotropic.Sigma(1, factor.sigma_rad)
+    return gtsam.CustomFactor(noise, keys, _axis_error(keys, factor.turned))
+
+
+def _axis_error(keys: list[int], turned: float) -> Callable[..., Floats]:
+    def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        if jacobians is not None:
+            jacobians[0] = np.array([[0.0, 0.0, 1.0]], order="F")
+            jacobians[1] = np.array([[-1.0]], order="F")
+        direction = float(values.atVector(keys[1])[0])
+        return np.array([wrap(values.atPose2(keys[0]).theta() - direction - turned)])
+
+    return error
 
 
 def between_factor(a: int, b: int, T_a_b: Pose2, covariance: Floats) -> gtsam.NonlinearFactor:

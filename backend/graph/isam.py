@@ -23,6 +23,7 @@ def _params(config: BackendConfig) -> gtsam.ISAM2Params:
     thresholds = gtsam.ISAM2ThresholdMap()
     thresholds.insert(("x", np.array([config.relinearize_m, config.relinearize_m, config.relinearize_rad])))
     thresholds.insert(("c", np.full(4, config.relinearize_calibration)))
+    thresholds.insert(("d", np.full(1, config.relinearize_rad)))
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(thresholds)
     params.setFactorization("QR")  # Cholesky breaks down over long chains of wheels with one loose calibration

@@ -15,16 +15,18 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.backend.graph.axes_chain import AxesChain
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.batch import of_gtsam, optimised
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import (
+    AxisFactor,
     BetweenFactor,
     Factor,
     FactorError,
     WheelFactor,
-    closes_loop,
     distance_m,
+    moves_earlier,
     sigma_m,
     validate,
 )
@@ -66,7 +68,7 @@ class PoseGraph:
         self._cached_poses: Floats = np.zeros((1, 3))
         self._cache_stale = False
         self._first_guesses: list[Pose2] = []
-        self._chain = CalibrationChain(config)
+        self._chain, self._axes = CalibrationChain(config), AxesChain(config)
         self._stretches = 1
         self._reset_isam(self._prior.values)
 
@@ -87,6 +89,8 @@ class PoseGraph:
         self._factors[number] = factor
         self._queued.append(number)
         self._chain.add(factor)
+        if isinstance(factor, AxisFactor):
+            self._axes.add(factor, self._chain.stretch(factor))
         return number
 
     def remove(self, number: int) -> None:
@@ -133,7 +137,7 @@ class PoseGraph:
     def pending(self) -> bool:
         """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
         changes = bool(self._removed) or self._requested_start is not None
-        return changes or any(closes_loop(self._factors[n]) for n in self._queued)
+        return changes or any(moves_earlier(self._factors[n]) for n in self._queued)
 
     @property
     def restarts(self) -> bool:
@@ -184,7 +188,7 @@ class PoseGraph:
         """
         calibrations = self._chain.on_every_stretch(calibration, self._factors.values())
         numbers = list(self._factors if numbers is None else numbers)
-        solved = optimised([self._factors[number] for number in numbers], self._chain, calibrations, poses)
+        solved = optimised([self._factors[n] for n in numbers], self._chain, self._axes, calibrations, poses)
         self._reset_isam(calibrations[0])
         self._queued = list(numbers)
         self._isam_indices, self._removed, self._requested_start = {}, [], None
@@ -202,9 +206,11 @@ class PoseGraph:
             known = self.calibrations() if calibrations is None else calibrations
             self._chain.add_states(range(self._stretches, last + 1), known, graph, values)
             self._stretches = last + 1
+        queued = [(self._factors[number], self._chain.stretch(self._factors[number])) for number in self._queued]
+        self._axes.add_states(queued, self.pose, graph, values)
         walks = graph.size()
-        for number in self._queued:
-            graph.add(gtsam_factor(self._factors[number], self._chain.stretch(self._factors[number])))
+        for factor, stretch in queued:
+            graph.add(gtsam_factor(factor, stretch, self._axes.state(factor, stretch)))
         for keyframe, guess in self._queued_poses.items():
             values.insert(pose_key(keyframe), gtsam.Pose2(guess.x, guess.y, guess.theta))
             if keyframe == 0:
@@ -227,7 +233,7 @@ class PoseGraph:
 
     def _surprise_m(self, factor: Factor) -> float:
         """How far (m) a loop closure is from the estimate, less SURE_SIGMAS of it; 0 for a factor that is none."""
-        if not closes_loop(factor):
+        if not moves_earlier(factor):
             return 0.0
         return distance_m(factor, self.pose(factor.a), self.pose(factor.b)) - SURE_SIGMAS * sigma_m(factor)
 
@@ -293,4 +299,5 @@ class PoseGraph:
     def _reset_isam(self, calibration: Floats) -> None:
         self._isam = new_isam(self._config, self._prior, calibration)
         self._stretches = 1
+        self._axes.reset()
         self._linearization_point = self._isam.getLinearizationPoint()  # else gtsam copies it for every Python factor

@@ -18,6 +18,25 @@ class ClockConfig:
 
 
 @dataclass(frozen=True)
+class AxesConfig:
+    """When the wheels alone tell the axes of the building, along which robots mostly drive."""
+
+    enabled: bool = option(True, "", "false where neither walls nor lanes stand at right angles")
+    sample_m: float = option(2.0, "m", "of path to one sample: over it a robot that avoids something has come back")
+    sigma_rad: float = option(0.1, "rad", "by which a sample's heading differs from its axis: 0.2 m to a side in 2 m")
+    share_along: float = option(0.5, "", "of samples along an axis, at first; then it is learnt")
+    most_along: float = option(0.9, "", "of that share: every robot goes round something")
+    turning_rad: float = option(0.35, "rad", "within a sample: a robot that turns says nothing of axes")
+    memory_samples: float = option(50.0, "samples", "over which that share is learnt: a floor of a building")
+    share_other_wing: float = option(0.01, "", "of samples that begin a wing at an angle: one in 200 m")
+    walk_rad_per_m: float = option(0.0005, "rad/m per sqrt(m)", "of the turn bias: real robots need this to 0.002")
+    min_evidence: float = option(7.0, "", "nats for axes, before one is believed: 1,000 to 1")
+    min_posterior: float = option(0.9, "", "that a sample was driven along one axis, before its heading is used")
+    leap_rad: float = option(0.2, "rad", "that an axis bends the past: from further off the graph begins anew")
+    samples_after: int = option(5, "samples", "10 m of path, by which a sample is decided")
+
+
+@dataclass(frozen=True)
 class OdometryConfig:
     """Keyframes, the driven path, and how wheels err."""
 
@@ -50,6 +69,7 @@ class OdometryConfig:
     prior_turn_bias_rad_per_m: float = option(0.03, "rad/m", "real robots were seen to turn 0.026 by themselves")
     prior_turn_bias_rad_per_s: float = option(0.0005, "rad/s", "a gyroscope's bias; wheels have none")
     clock: ClockConfig = field(default_factory=ClockConfig)
+    axes: AxesConfig = field(default_factory=AxesConfig)
 
 
 def calibration_prior(config: OdometryConfig) -> WheelCalibration:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
@@ -15,17 +15,17 @@ from wayfi.recordings.files.atomic_files import write_text
 def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration: Floats) -> None:
     """Write the keyframes' `poses` (n, 3), T_map_base, and the `factors` between them. Raises OSError.
 
-    A wheel factor is written with the motion that `calibration` (4,) gives. g2o expects the information matrix of an
-    edge in the axes of its second pose.
+    A wheel factor is written with the motion that `calibration` (4,) gives; a factor of one keyframe is no edge. g2o
+    expects the information matrix of an edge in the axes of its second pose.
     """
     lines = [f"VERTEX_SE2 {k} {_numbers(pose)}" for k, pose in enumerate(poses)]
-    lines += [_edge(factor, poses, calibration) for factor in factors]
+    lines += [_edge(factor, poses, calibration) for factor in factors if not isinstance(factor, AxisFactor)]
     if len(poses):
         lines.append("FIX 0")  # last, because some readers stop at it
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _edge(factor: Factor, poses: Floats, calibration: Floats) -> str:
+def _edge(factor: BetweenFactor | WheelFactor | NearFactor, poses: Floats, calibration: Floats) -> str:
     if isinstance(factor, NearFactor):
         T, information = _near(factor, poses)
     else:
