@@ -109,20 +109,20 @@ def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
         calibration = values.atVector(keys[2])
         T_a_b = values.atPose2(keys[0]).between(values.atPose2(keys[1]))
         expected = motion.corrected(calibration)
+        u = 1 / (1 + calibration[0])  # to the wheels' metres, in which their noise is: else a small map would fit best
         x, y, theta = T_a_b.x(), T_a_b.y(), T_a_b.theta()
         if jacobians is not None:
             c, s = math.cos(theta), math.sin(theta)
             # d(x, y, theta) of T_a_b by a right perturbation of a: -Ad, mapped to the axes of a, is this directly
-            jacobians[0] = np.array([[-1.0, 0.0, y], [0.0, -1.0, -x], [0.0, 0.0, -1.0]], order="F")
-            jacobians[1] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], order="F")
+            jacobians[0] = np.array([[-u, 0.0, u * y], [0.0, -u, -u * x], [0.0, 0.0, -1.0]], order="F")
+            jacobians[1] = np.array([[u * c, -u * s, 0.0], [u * s, u * c, 0.0], [0.0, 0.0, 1.0]], order="F")
             J_calibration = np.zeros((3, 4), order="F")
-            J_calibration[0] = 0.5 * expected.y * turn
-            J_calibration[1] = -0.5 * expected.x * turn
+            J_calibration[0] = 0.5 * u * expected.y * turn
+            J_calibration[1] = -0.5 * u * expected.x * turn
             J_calibration[2] = -turn
-            J_calibration[0, 0] -= expected.x / (1 + calibration[0])
-            J_calibration[1, 0] -= expected.y / (1 + calibration[0])
+            J_calibration[:2, 0] = -u * u * x, -u * u * y
             jacobians[2] = J_calibration
-        return np.array([x - expected.x, y - expected.y, wrap(theta - expected.theta)])
+        return np.array([u * (x - expected.x), u * (y - expected.y), wrap(theta - expected.theta)])
 
     return error
 
