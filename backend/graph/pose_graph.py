@@ -287,6 +287,10 @@ class PoseGraph:
         """The wheel factors in the order in which they were added."""
         return [factor for factor in self._factors.values() if isinstance(factor, WheelFactor)]
 
+    def axes(self) -> list[AxisFactor]:
+        """The factors of the building's axes in the order in which they were added."""
+        return [factor for factor in self._factors.values() if isinstance(factor, AxisFactor)]
+
     def scan_matched(self) -> NDArray[np.bool_]:
         """(n - 1,) whether a scan match relates each keyframe to the next."""
         matched = [f.a for f in self._factors.values() if isinstance(f, BetweenFactor) and f.b == f.a + 1]

@@ -18,6 +18,7 @@ from wayfi.frontends.closures.closure_config import ConsensusConfig
 
 # Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
+_WRONG = 0.1  # share of headings that may be wrong, as of the samples that are along no axis
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
 
 
@@ -48,6 +49,29 @@ class Pairs:
     def apart(self, poses: Floats) -> Floats:
         """(m, 2) m from the places in a to those in b, as above."""
         return self.at_b(poses) - self.at_a(poses)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Headings:
+    """What a building's axes tell of keyframes (m,): they head `turned` (m,) rad from those of their `wing` (m,).
+
+    To `sigma_rad` (m,) each; the direction of the axes of a wing is unknown.
+    """
+
+    keyframe: NDArray[np.int64]
+    wing: NDArray[np.int64]
+    turned: Floats
+    sigma_rad: Floats
+
+    def evidence(self, poses: Floats) -> float:
+        """Nats of the keyframes' `poses` (n, 3) over headings that are anything; some of the samples may be wrong."""
+        direction = np.exp(1j * (poses[self.keyframe, 2] - self.turned))
+        wings, wing = np.unique(self.wing, return_inverse=True)
+        mean = np.zeros(len(wings), complex)
+        np.add.at(mean, wing, direction)
+        off = np.angle(direction * np.conj(mean[wing]))
+        ratio = 2 * math.pi * np.exp(-0.5 * (off / self.sigma_rad) ** 2) / (math.sqrt(2 * math.pi) * self.sigma_rad)
+        return float(np.log(_WRONG + (1 - _WRONG) * ratio).sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,9 +113,14 @@ def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.
 
 
 def best_hypothesis(
-    motions: Floats, matched: Floats, pairs: Pairs, prior: WheelCalibration, config: ConsensusConfig
+    motions: Floats,
+    matched: Floats,
+    pairs: Pairs,
+    headings: Headings,
+    prior: WheelCalibration,
+    config: ConsensusConfig,
 ) -> Hypothesis:
-    """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5) and `pairs`, some of them false.
+    """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5), `headings` and `pairs`, some false.
 
     Steps whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not
     depend on the bias.
@@ -103,7 +132,7 @@ def best_hypothesis(
         values[2] += offset * prior.sigmas[2]
         poses = chain(np.where(by_wheels[:, None], corrected_all(motions, values), matched))
         evidence, explained = weigh(poses, pairs, config.drift)
-        evidence -= 0.5 * offset**2
+        evidence += headings.evidence(poses) - 0.5 * offset**2
         if best is None or evidence > best.evidence:
             best = Hypothesis(values, poses, evidence, explained)
     assert best is not None

@@ -17,6 +17,7 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
+    Headings,
     Hypothesis,
     Pairs,
     best_hypothesis,
@@ -76,14 +77,16 @@ class WifiCloser:
         recent = self._claims.recent()
         pairs = self._claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
-        found = best_hypothesis(self._motions(), self._matched(poses), pairs, self._prior, self._config)
+        headings = self._headings()
+        found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
-        if found.evidence >= now + gain:
+        if found.evidence >= now + headings.evidence(poses) + gain:
             text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
             return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
         if now < gain:
             return []
-        agreed = explained & ~self._are_far(pairs, poses)
+        tried = np.array([claim.confirmed for claim in recent])
+        agreed = explained & ~(tried & self._are_far(pairs, poses))
         return [
             self._accept(claim, poses, "agrees with the estimate, as others do")
             for claim, agrees in zip(recent, agreed, strict=True)
@@ -184,6 +187,11 @@ class WifiCloser:
         """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
         wheels = self._graph.wheels()
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
+
+    def _headings(self) -> Headings:
+        axes = self._graph.axes()
+        columns = np.array([(f.b, f.wing, f.turned, f.sigma_rad) for f in axes]).reshape(-1, 4).T
+        return Headings(columns[0].astype(np.int64), columns[1].astype(np.int64), columns[2], columns[3])
 
     def _matched(self, poses: Floats) -> Floats:
         """(n, 3) the estimated steps between keyframes that scan matches relate, NaN where none does."""
