@@ -12,6 +12,7 @@ from wayfi.backend.errors import WayfiError
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 
+SURE_SIGMAS = 3  # a closure that is no further off than so many of its own sigmas is no surprise
 SYMMETRY = 1e-6  # relative, of a covariance's two halves: far above rounding, far below what is a mistake
 
 
@@ -68,7 +69,8 @@ class AxisFactor:
         return self.b
 
 
-Factor = BetweenFactor | WheelFactor | NearFactor | AxisFactor
+RelativeFactor = BetweenFactor | WheelFactor | NearFactor
+Factor = RelativeFactor | AxisFactor
 
 
 def moves_earlier(factor: Factor) -> bool:
@@ -78,13 +80,8 @@ def moves_earlier(factor: Factor) -> bool:
     return isinstance(factor, NearFactor | AxisFactor)
 
 
-def distance_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
-    """How far (m) the positions of two keyframes are from what a factor says, the keyframes at these poses.
-
-    An axis says nothing of positions.
-    """
-    if isinstance(factor, AxisFactor):
-        return 0.0
+def distance_m(factor: RelativeFactor, T_map_a: Pose2, T_map_b: Pose2) -> float:
+    """How far (m) the positions of two keyframes are from what a factor says, the keyframes at these poses."""
     if isinstance(factor, NearFactor):
         at_a, at_b = T_map_a.transform(factor.place_a[None])[0], T_map_b.transform(factor.place_b[None])[0]
         return math.hypot(*(at_b - at_a))
@@ -92,13 +89,18 @@ def distance_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
     return T_map_a.between(T_map_b).distance(T_a_b)
 
 
-def sigma_m(factor: Factor) -> float:
-    """The standard deviation (m) of a factor's position along each axis, in the mean of both; inf if it has none."""
-    if isinstance(factor, AxisFactor):
-        return math.inf
+def sigma_m(factor: RelativeFactor) -> float:
+    """The standard deviation (m) of a factor's position along each axis, in the mean of both."""
     if isinstance(factor, NearFactor):
         return factor.sigma_m
     return math.sqrt(float(factor.covariance[0, 0] + factor.covariance[1, 1]) / 2)
+
+
+def surprise_m(factor: Factor, T_map_a: Pose2, T_map_b: Pose2) -> float:
+    """How far (m) a loop closure is from these poses, less SURE_SIGMAS of it; 0 for a factor that is none."""
+    if isinstance(factor, AxisFactor) or not moves_earlier(factor):
+        return 0.0
+    return distance_m(factor, T_map_a, T_map_b) - SURE_SIGMAS * sigma_m(factor)
 
 
 def validate(factor: Factor, keyframes: int) -> None:

@@ -25,9 +25,8 @@ from wayfi.backend.graph.factors import (
     Factor,
     FactorError,
     WheelFactor,
-    distance_m,
     moves_earlier,
-    sigma_m,
+    surprise_m,
     validate,
 )
 from wayfi.backend.graph.gtsam_factors import calibration_key, gtsam_factor, origin_factor, pose_key
@@ -36,7 +35,6 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
 MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
-SURE_SIGMAS = 3  # a closure that is no further off than so many of its own sigmas is no surprise
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +110,8 @@ class PoseGraph:
             calibration, poses = self._requested_start
             self._rebuild(calibration, self._with_new_keyframes(poses))
             return summary
-        if max((self._surprise_m(self._factors[n]) for n in self._queued), default=0.0) > self._config.leap_m:
+        new = (self._factors[number] for number in self._queued)
+        if max((surprise_m(f, self.pose(f.a), self.pose(f.b)) for f in new), default=0.0) > self._config.leap_m:
             self._rebuild(self.calibrations(), self._with_new_keyframes(self._estimated_poses()))
             return summary
         try:
@@ -230,12 +229,6 @@ class PoseGraph:
     def _estimated_poses(self) -> Floats:
         estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
         return np.asarray(estimate, dtype=np.float64).reshape(-1, 3)
-
-    def _surprise_m(self, factor: Factor) -> float:
-        """How far (m) a loop closure is from the estimate, less SURE_SIGMAS of it; 0 for a factor that is none."""
-        if not moves_earlier(factor):
-            return 0.0
-        return distance_m(factor, self.pose(factor.a), self.pose(factor.b)) - SURE_SIGMAS * sigma_m(factor)
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated; the first guess before the next update."""

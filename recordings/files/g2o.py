@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, RelativeFactor
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place
 from wayfi.recordings.files.atomic_files import write_text
 
@@ -25,7 +25,7 @@ def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _edge(factor: BetweenFactor | WheelFactor | NearFactor, poses: Floats, calibration: Floats) -> str:
+def _edge(factor: RelativeFactor, poses: Floats, calibration: Floats) -> str:
     if isinstance(factor, NearFactor):
         T, information = _near(factor, poses)
     else:

@@ -9,6 +9,7 @@ from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corre
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
+    Headings,
     Pairs,
     best_hypothesis,
     driven_area,
@@ -21,6 +22,15 @@ PRIOR = calibration_prior(OdometryConfig())
 CONFIG = ConsensusConfig()
 STEP_M, ROUND = 0.5, 120
 BY_WHEELS = np.full((3 * ROUND, 3), np.nan)  # no step is known from a scan match
+
+NO_AXES = Headings(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+
+
+def axes(every: int = 4) -> Headings:
+    """The headings of the first round along its rectangle, in two wings of unknown directions."""
+    k = np.array([k for k in range(2, ROUND, every) if k % 20 > 1])
+    turned = np.pi / 2 * ((k > 40).astype(float) + (k > 60) + (k > 100))
+    return Headings(k, (k > 60).astype(np.int64), turned, np.full(len(k), 0.1))
 
 
 def motions(bias: float, rounds: int = 3) -> Floats:
@@ -48,7 +58,7 @@ def rounds(every: int = 10) -> tuple[list[int], list[int]]:
 
 @pytest.mark.parametrize("bias", [-0.07, -0.02, 0.0, 0.025, 0.1])
 def test_the_bias_that_makes_the_pairs_meet_is_found(bias: float) -> None:
-    found = best_hypothesis(motions(bias), BY_WHEELS, pairs(*rounds()), PRIOR, CONFIG)
+    found = best_hypothesis(motions(bias), BY_WHEELS, pairs(*rounds()), NO_AXES, PRIOR, CONFIG)
     assert found.values[2] == pytest.approx(bias, abs=0.002)
     assert found.explained.all()
     assert found.evidence > 3 * CONFIG.min_gain
@@ -61,7 +71,7 @@ def test_it_is_found_among_nine_false_pairs_for_each_true_one(seed: int) -> None
     false_b = rng.integers(80, 3 * ROUND, 9 * len(b))
     false_a = (rng.random(len(false_b)) * (false_b - 60)).astype(int)
     mixed = pairs([*a, *false_a.tolist()], [*b, *false_b.tolist()])
-    found = best_hypothesis(motions(0.04), BY_WHEELS, mixed, PRIOR, CONFIG)
+    found = best_hypothesis(motions(0.04), BY_WHEELS, mixed, NO_AXES, PRIOR, CONFIG)
     assert found.values[2] == pytest.approx(0.04, abs=0.002)
     assert found.explained[: len(a)].mean() > 0.9
     assert found.evidence > CONFIG.min_gain
@@ -74,7 +84,7 @@ def test_chance_alone_gives_hardly_any_evidence() -> None:
         b = rng.integers(80, 3 * ROUND, 30)
         a = (rng.random(30) * (b - 60)).astype(int)
         chance = pairs(a.tolist(), b.tolist())
-        evidence.append(best_hypothesis(motions(0.0), BY_WHEELS, chance, PRIOR, CONFIG).evidence)
+        evidence.append(best_hypothesis(motions(0.0), BY_WHEELS, chance, NO_AXES, PRIOR, CONFIG).evidence)
     assert np.median(evidence) < CONFIG.min_gain
     assert min(evidence) >= 0.0, "that all is chance is among the hypotheses"
 
@@ -97,7 +107,7 @@ def test_half_the_weight_is_half_the_evidence() -> None:
 
 def test_where_scan_matches_give_the_steps_no_bias_is_better_than_another() -> None:
     right = corrected_all(motions(0.0), np.zeros(4))
-    found = best_hypothesis(motions(0.05), right, pairs(*rounds()), PRIOR, CONFIG)
+    found = best_hypothesis(motions(0.05), right, pairs(*rounds()), NO_AXES, PRIOR, CONFIG)
     np.testing.assert_allclose(found.poses, chain(right), atol=1e-9)
     assert found.values[2] == pytest.approx(0.0, abs=1e-9)
     assert found.explained.all()
@@ -105,7 +115,7 @@ def test_where_scan_matches_give_the_steps_no_bias_is_better_than_another() -> N
 
 def test_a_known_calibration_is_kept_to() -> None:
     known = WheelCalibration(np.array([0.0, 0.0, 0.03, 0.0]), replace(PRIOR).sigmas * (1, 1, 0.01, 1))
-    found = best_hypothesis(motions(0.0), BY_WHEELS, pairs(*rounds()), known, CONFIG)
+    found = best_hypothesis(motions(0.0), BY_WHEELS, pairs(*rounds()), NO_AXES, known, CONFIG)
     assert abs(found.values[2] - 0.03) <= 4 * known.sigmas[2] + 1e-12
 
 
@@ -126,3 +136,15 @@ def test_the_ratio_is_that_of_a_gauss_bell_to_an_even_spread() -> None:
     chi2 = (near**2).sum(axis=1) / sigma**2
     ratio = likelihood_ratio(chi2, np.full(len(chi2), sigma**2), side**2)
     assert np.mean(1 / ratio[chi2 < 9]) == pytest.approx(np.pi * 9 * sigma**2 / side**2 / (1 - np.exp(-4.5)), rel=0.02)
+
+
+def test_the_axes_of_the_building_speak_for_the_right_bias_and_against_another() -> None:
+    right, wrong = (chain(corrected_all(motions(0.0, 1), np.array([0, 0, bias, 0]))) for bias in (0.0, 0.02))
+    assert axes().evidence(right) > 2 * len(axes().keyframe)
+    assert axes().evidence(wrong) < axes().evidence(right) - 4 * CONFIG.min_gain
+
+
+def test_headings_that_are_all_wrong_cost_no_more_than_their_share() -> None:
+    headings = axes()
+    chance = chain(corrected_all(motions(0.0, 1), np.array([0, 0, 0.15, 0])))
+    assert headings.evidence(chance) > np.log(0.1) * len(headings.keyframe)
