@@ -10,6 +10,7 @@ class ConsensusConfig:
     """When WiFi's claims agree, and when a claim is accepted or removed."""
 
     steps: int = option(241, "", "over the reach each way: 0.001 rad/m apart, 0.1 rad over 100 m")
+    joined_steps: int = option(500, "", "of a drive for this search: bounds its cost; 2 m each on 1 km")
     reach_sigmas: float = option(
         4.0, "", "of the prior's turn bias, each way: the wheels of one robot in 16,000 are beyond"
     )

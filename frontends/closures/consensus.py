@@ -7,13 +7,13 @@ chance claims, over the likelihood that all claims are chance.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
-from wayfi.backend.pose2 import Floats
+from wayfi.backend.pose2 import Floats, between_all
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 
 # Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
@@ -122,21 +122,62 @@ def best_hypothesis(
 ) -> Hypothesis:
     """The turn bias per metre of most evidence, by the wheels' `motions` (n, 5), `headings` and `pairs`, some false.
 
-    Steps whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not
-    depend on the bias.
+    Its evidence is the mean over the prior: a bias that is only the best of many by chance has paid for them. Steps
+    whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not depend on
+    the bias. The cost is bounded: for the search, steps are joined to `joined_steps` of the config at most.
     """
-    by_wheels = np.isnan(matched[:, 0])
-    best: Hypothesis | None = None
-    for offset in np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps):
-        values = prior.values.copy()
-        values[2] += offset * prior.sigmas[2]
-        poses = chain(np.where(by_wheels[:, None], corrected_all(motions, values), matched))
-        evidence, explained = weigh(poses, pairs, config.drift)
-        evidence += headings.evidence(poses) - 0.5 * offset**2
-        if best is None or evidence > best.evidence:
-            best = Hypothesis(values, poses, evidence, explained)
-    assert best is not None
-    return best
+    by_wheels = np.isnan(matched[:, :1])
+    steps = np.where(by_wheels, corrected_all(motions, prior.values), matched)
+    drive = _joined(steps, np.where(by_wheels[:, 0], motions[:, 3], 0.0), pairs, headings, config.joined_steps)
+    offsets = np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps)
+    evidences = np.array([drive.evidence(offset * prior.sigmas[2], config.drift) for offset in offsets])
+    prior_weights = -0.5 * offsets**2
+    weights = evidences + prior_weights
+    values = prior.values.copy()
+    values[2] += offsets[np.argmax(weights)] * prior.sigmas[2]
+    poses = chain(np.where(by_wheels, corrected_all(motions, values), matched))
+    evidence = float(np.logaddexp.reduce(weights) - np.logaddexp.reduce(prior_weights))
+    return Hypothesis(values, poses, evidence, weigh(poses, pairs, config.drift)[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _JoinedDrive:
+    """A drive in few steps (g, 5), and what is known of it, expressed in the poses between these steps."""
+
+    motions: Floats
+    pairs: Pairs
+    headings: Headings
+
+    def evidence(self, bias: float, drift: float) -> float:
+        """Nats for one more rad/m of turn `bias`."""
+        poses = chain(corrected_all(self.motions, np.array([0.0, 0.0, bias, 0.0])))
+        return weigh(poses, self.pairs, drift)[0] + self.headings.evidence(poses)
+
+
+def _joined(steps: Floats, path_m: Floats, pairs: Pairs, headings: Headings, most: int) -> _JoinedDrive:
+    """The drive of `steps` (n, 3), on which the wheels drove `path_m` (n,), in `most` steps or fewer.
+
+    Within a step of the joined drive, which is a few metres long, the places stay where dead reckoning puts them.
+    """
+    every = math.ceil(len(steps) / most)
+    poses = chain(steps)
+    ends = np.append(np.arange(0, len(steps), every), len(steps))
+    rows = np.zeros((len(ends) - 1, 5))
+    rows[:, :3] = between_all(poses[ends[:-1]], poses[ends[1:]])
+    rows[:, 3] = np.add.reduceat(path_m, ends[:-1])
+
+    def within(keyframes: NDArray[np.int64]) -> Floats:
+        return between_all(poses[keyframes - keyframes % every], poses[keyframes])
+
+    joined_pairs = replace(
+        pairs,
+        a=pairs.a // every,
+        b=pairs.b // every,
+        place_a=_placed(within(pairs.a), pairs.place_a),
+        place_b=_placed(within(pairs.b), pairs.place_b),
+    )
+    turned = headings.turned - within(headings.keyframe)[:, 2]
+    return _JoinedDrive(rows, joined_pairs, replace(headings, keyframe=headings.keyframe // every, turned=turned))
 
 
 def _placed(poses: Floats, places: Floats) -> Floats:

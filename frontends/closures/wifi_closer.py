@@ -189,7 +189,7 @@ class WifiCloser:
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
 
     def _headings(self) -> Headings:
-        axes = self._graph.axes()
+        axes = self._graph.axes()[-self._config.window :]
         columns = np.array([(f.b, f.wing, f.turned, f.sigma_rad) for f in axes]).reshape(-1, 4).T
         return Headings(columns[0].astype(np.int64), columns[1].astype(np.int64), columns[2], columns[3])
 
