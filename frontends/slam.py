@@ -233,8 +233,9 @@ class SlamCore:
             with self._timer("scan_matching"):
                 tracked = self._track(placed, motion, number)
         covariance = self._tracker.wheel_covariance(motion)
-        self._graph.add(WheelFactor(number - 1, number, motion, covariance))
-        if tracked and self._is_match(tracked):
+        matched = tracked is not None and self._is_match(tracked)
+        self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone=not matched))
+        if tracked and matched:
             self._axes.interrupt()
             self._add_match(tracked, point, number)
         else:

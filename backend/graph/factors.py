@@ -32,12 +32,17 @@ class BetweenFactor:
 
 @dataclass(frozen=True, slots=True)
 class WheelFactor:
-    """The wheels' motion from keyframe a to b, with the (3, 3) covariance of its random part in (x, y, theta) of a."""
+    """The wheels' motion from keyframe a to b, with the (3, 3) covariance of its random part in (x, y, theta) of a.
+
+    `alone`: no scan match relates the two as well. The covariance is in the wheels' metres then, of whatever scale:
+    in true metres, which nothing measures, the smallest map would fit best.
+    """
 
     a: int
     b: int
     motion: WheelMotion
     covariance: Floats
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

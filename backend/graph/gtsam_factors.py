@@ -99,17 +99,17 @@ def wheel_factor(factor: WheelFactor, stretch: int) -> gtsam.NonlinearFactor:
     """The constraint between two keyframes and the wheels' calibration (see wheel_calibration)."""
     keys = [pose_key(factor.a), pose_key(factor.b), calibration_key(stretch)]
     noise = gtsam.noiseModel.Gaussian.Covariance(factor.covariance)
-    return gtsam.CustomFactor(noise, keys, _wheel_error(keys, factor.motion))
+    return gtsam.CustomFactor(noise, keys, _wheel_error(keys, factor.motion, factor.alone))
 
 
-def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
+def _wheel_error(keys: list[int], motion: WheelMotion, alone: bool) -> Callable[..., Floats]:
     turn = np.array([0.0, motion.pose.theta, motion.path_m, motion.seconds])
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         calibration = values.atVector(keys[2])
         T_a_b = values.atPose2(keys[0]).between(values.atPose2(keys[1]))
         expected = motion.corrected(calibration)
-        u = 1 / (1 + calibration[0])  # to the wheels' metres, in which their noise is: else a small map would fit best
+        u, du = (1 / (1 + calibration[0]), -1 / (1 + calibration[0]) ** 2) if alone else (1.0, 0.0)
         x, y, theta = T_a_b.x(), T_a_b.y(), T_a_b.theta()
         if jacobians is not None:
             c, s = math.cos(theta), math.sin(theta)
@@ -120,7 +120,8 @@ def _wheel_error(keys: list[int], motion: WheelMotion) -> Callable[..., Floats]:
             J_calibration[0] = 0.5 * u * expected.y * turn
             J_calibration[1] = -0.5 * u * expected.x * turn
             J_calibration[2] = -turn
-            J_calibration[:2, 0] = -u * u * x, -u * u * y
+            J_calibration[0, 0] = du * (x - expected.x) - u * expected.x / (1 + calibration[0])
+            J_calibration[1, 0] = du * (y - expected.y) - u * expected.y / (1 + calibration[0])
             jacobians[2] = J_calibration
         return np.array([u * (x - expected.x), u * (y - expected.y), wrap(theta - expected.theta)])
 

@@ -70,7 +70,8 @@ class WifiCloser:
         """Judge the claims together, once enough new ones were refused; `last`: no more will come.
 
         Starts again from another turn bias if that explains them far better than the estimate does; otherwise accepts
-        what the estimate explains, if that is far better than chance.
+        what the estimate explains, if that is far better than chance. Before the first closure that may be further
+        apart than a closure is accurate, since dead reckoning is.
         """
         if not self._search_due(last):
             return []
@@ -85,11 +86,11 @@ class WifiCloser:
             return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
         if now < gain:
             return []
-        tried = np.array([claim.confirmed for claim in recent])
-        agreed = explained & ~(tried & self._are_far(pairs, poses))
+        if any(claim.confirmed for claim in recent):
+            explained &= ~self._are_far(pairs, poses)
         return [
             self._accept(claim, poses, "agrees with the estimate, as others do")
-            for claim, agrees in zip(recent, agreed, strict=True)
+            for claim, agrees in zip(recent, explained, strict=True)
             if agrees and claim.factor is None
         ]
 

@@ -10,7 +10,7 @@ prior must pay for itself. Wings of a building stand at angles to each other: a 
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class _Hypotheses:
     labels: Ints
 
     def chosen(self, rows: Rows) -> "_Hypotheses":
-        return _Hypotheses(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return _Hypotheses(self.mean[rows], self.covariance[rows], self.log_weight[rows], self.labels[rows])
 
     def labelled(self, gain: Floats | float, label: Ints | int) -> "_Hypotheses":
         """With one more sample of this `label`, which multiplies the weights by exp(gain)."""
@@ -133,7 +133,7 @@ class BuildingAxes:
         parts = [self._all.labelled(math.log(1 - self._share), _NONE)]
         parts += [self._along(off, nearest + k, along + math.log(1 - other), k == 0) for k in (0, -1, 1)]
         parts.append(self._in_other_wing(ahead, np.abs(off - nearest * QUARTER), along + math.log(other)))
-        joined = _Hypotheses(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(_Hypotheses)))
+        joined = _joined(parts)
         total = _log_sum(joined.log_weight)
         self.evidence += total
         self._all = _reduced(replace(joined, log_weight=joined.log_weight - total))
@@ -186,6 +186,15 @@ class BuildingAxes:
     def _forget_oldest(self) -> None:
         self._undecided.pop(0)
         self._all = replace(self._all, labels=np.delete(self._all.labels, _OLDEST, axis=1))
+
+
+def _joined(parts: list[_Hypotheses]) -> _Hypotheses:
+    return _Hypotheses(
+        np.concatenate([part.mean for part in parts]),
+        np.concatenate([part.covariance for part in parts]),
+        np.concatenate([part.log_weight for part in parts]),
+        np.concatenate([part.labels for part in parts]),
+    )
 
 
 def _reduced(hypotheses: _Hypotheses) -> _Hypotheses:

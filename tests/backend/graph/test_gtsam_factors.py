@@ -97,7 +97,9 @@ def test_the_wheel_factors_jacobians_are_those_of_its_error(
     error = a.between(b).theta - motion.corrected(calibration).theta
     if abs(abs(wrap(error)) - math.pi) < 1e-3:
         return  # the error itself leaps there
-    assert_jacobians_match(wheel_factor(WheelFactor(0, 1, motion, np.eye(3)), STRETCH), values(a, b, calibration))
+    for alone in (False, True):
+        factor = wheel_factor(WheelFactor(0, 1, motion, np.eye(3), alone), STRETCH)
+        assert_jacobians_match(factor, values(a, b, calibration))
 
 
 @settings(deadline=None, max_examples=50)

@@ -1,0 +1,50 @@
+"""Headings along the axes of a building enter the graph where no scan match tells them, and nowhere else."""
+
+import numpy as np
+import pytest
+from graphs import PRIOR, WHEELS
+
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.factors import WheelFactor
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.axis_headings import AxisHeadings
+from wayfi.frontends.odometry.odometry_config import AxesConfig
+
+BIAS, STEP_M = 0.025, 0.5
+
+
+def driven(config: AxesConfig, steps: int, matched_every: int = 0) -> PoseGraph:
+    """The graph after a straight drive by wheels that turn BIAS rad/m to the right, scans matching now and then."""
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    axes = AxisHeadings(graph, PRIOR, config)
+    graph.add_keyframe(Pose2())
+    motion = WheelMotion(Pose2(STEP_M, 0.0, -BIAS * STEP_M), STEP_M, 1.0)
+    for k in range(steps):
+        poses = graph.poses() if k else np.zeros((1, 3))
+        graph.add_keyframe(Pose2.of(poses[-1]) @ motion.pose)
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS))
+        if matched_every and k % matched_every == 0:
+            axes.interrupt()
+        else:
+            axes.follow(k + 1, motion, float(WHEELS[2, 2]), poses)
+        graph.update()
+    return graph
+
+
+def test_a_straight_drive_is_straightened_within_fifty_metres() -> None:
+    graph = driven(AxesConfig(), 100)
+    assert graph.calibration_values()[2] == pytest.approx(BIAS, abs=0.005)
+    assert abs(graph.poses()[-1, 2]) < 0.15
+    assert len(graph.axes()) > 10
+
+
+def test_what_scans_tell_is_left_to_them() -> None:
+    assert driven(AxesConfig(), 100, matched_every=10).axes() == []
+
+
+def test_it_can_be_switched_off() -> None:
+    graph = driven(AxesConfig(enabled=False), 100)
+    assert graph.axes() == []
+    assert abs(graph.poses()[-1, 2]) > 1.0
