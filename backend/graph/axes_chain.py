@@ -8,7 +8,7 @@ import numpy as np
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.factors import AxisFactor, Factor
 from wayfi.backend.graph.gtsam_factors import axes_key, axes_prior, axes_walk
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.pose2 import Pose2, wrap
 
 _ANY_RAD = 10.0  # sigma of the direction of a new wing: as good as unknown
 
@@ -23,7 +23,7 @@ class AxesChain:
         self._config = config
         self._states: dict[tuple[int, int], int] = {}
         self._wings: list[int] = []
-        self._present = 0
+        self._present, self._newest = 0, 0.0
 
     def add(self, factor: AxisFactor, stretch: int) -> None:
         """Take note of a new factor, whose keyframe is on `stretch` of the wheels' calibration."""
@@ -34,7 +34,7 @@ class AxesChain:
 
     def reset(self) -> None:
         """Forget which states a solver has: a new one begins."""
-        self._present = 0
+        self._present, self._newest = 0, 0.0
 
     def state(self, factor: Factor, stretch: int) -> int:
         """The number of the state of a factor; 0 for one that has none."""
@@ -55,7 +55,9 @@ class AxesChain:
         """
         for factor, stretch in factors:
             while isinstance(factor, AxisFactor) and self._present <= self.state(factor, stretch):
-                self._add_state(self._present, pose(factor.b).theta - factor.turned, graph, values)
+                turn = wrap(pose(factor.b).theta - factor.turned - self._newest)
+                self._newest += turn  # of directions that are whole turns apart, the one near the state before
+                self._add_state(self._present, self._newest, graph, values)
                 self._present += 1
 
     def _add_state(self, state: int, guess: float, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:

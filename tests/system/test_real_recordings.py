@@ -3,6 +3,7 @@
 The WiFi of intel_wifi is simulated.
 """
 
+import math
 from pathlib import Path
 
 import pytest
@@ -14,13 +15,14 @@ from wayfi.recordings.mcap.recording import open_recording
 from wayfi.service.evaluation.evaluate import evaluate
 
 BOUND_M = {
-    "b14test1": 0.6,
-    "b24test2": 0.8,
+    "b14test1": 0.28,
+    "b24test2": 0.25,
     "b3test2": 1.0,
     "flat_calib3": 0.8,
     "intel": 0.25,
     "intel_wifi": 0.25,
 }
+ONLINE_BOUND_M = {"b14test1": 3.8, "b24test2": 7.0, "b3test2": 2.6}  # nothing but the axes of the building helps
 LED_BY_LASER = {"flat_calib3": 46}  # scans of the seconds before the first odometry and after the last
 
 
@@ -34,9 +36,11 @@ def test_a_real_recording_is_near_its_reference(name: str, real_data: Path, tmp_
     accepted = report["messages"]["/odom"] - sum(report["dropped"].get("/odom", {}).values())
     assert len(read_tum(tmp_path / "trajectory.tum")) == accepted + by_laser
     assert ("no odometry: the laser leads" in report["warnings"]) == (by_laser > 0)
-    final = evaluate(tmp_path, truth).final.alignment.error
+    evaluation = evaluate(tmp_path, truth)
+    final = evaluation.final.alignment.error
     assert final.not_covered == 0
     assert final.ate_rmse_m < BOUND_M[name]
+    assert evaluation.online.alignment.error.ate_rmse_m < ONLINE_BOUND_M.get(name, math.inf)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +53,7 @@ def learnt(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_wheels_and_wifi_are_located_as_they_drive_once_a_loop_is_closed(learnt: Path, real_data: Path) -> None:
     evaluation = evaluate(learnt, real_data / "b14test1" / "truth.tum")
-    assert evaluation.online.alignment.error.ate_rmse_m < 4.0
+    assert evaluation.online.alignment.error.ate_rmse_m < ONLINE_BOUND_M["b14test1"]
     wifi = evaluation.closures[ClosureKind.WIFI]
     assert wifi.accepted >= 10
     assert wifi.precision is not None

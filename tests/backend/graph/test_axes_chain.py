@@ -59,6 +59,20 @@ def test_a_quarter_turn_stays_one() -> None:
     assert graph.poses()[-1, 2] == pytest.approx(math.pi / 2, abs=0.03)
 
 
+def test_rounds_are_no_turn_of_the_axes() -> None:
+    """After a whole turn headings come again, while the turns from the axes go on counting."""
+    corners = dict.fromkeys(range(39, STEPS, 40), math.pi / 2)
+    graph = corridor(corners)
+    for k in range(4, STEPS, 4):
+        graph.add(AxisFactor(k, 1, (k // 40) * math.pi / 2, SIGMA_RAD))
+        graph.update()
+    graph.settle()
+    graph.restart(graph.calibrations(), graph.poses())
+    graph.update()
+    assert graph.calibration_values()[2] == pytest.approx(BIAS, abs=0.001)
+    assert graph.poses()[160, :2] == pytest.approx((0.0, 0.0), abs=1.0)
+
+
 def test_the_axes_survive_a_checkpoint_and_a_restart() -> None:
     graph = corridor({})
     add_axes(graph, 4, STEPS, wing=1)
