@@ -234,7 +234,8 @@ class SlamCore:
                 tracked = self._track(placed, motion, number)
         covariance = self._tracker.wheel_covariance(motion)
         matched = tracked is not None and self._is_match(tracked)
-        self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone=not matched))
+        alone = not (matched or self._matches)
+        self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone))
         if tracked and matched:
             self._axes.interrupt()
             self._add_match(tracked, point, number)

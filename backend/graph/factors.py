@@ -34,8 +34,8 @@ class BetweenFactor:
 class WheelFactor:
     """The wheels' motion from keyframe a to b, with the (3, 3) covariance of its random part in (x, y, theta) of a.
 
-    `alone`: no scan match relates the two as well. The covariance is in the wheels' metres then, of whatever scale:
-    in true metres, which nothing measures, the smallest map would fit best.
+    `alone`: no scan match has measured true metres yet. The covariance is in the wheels' metres then: in true ones, of
+    which nothing is known, the smallest map would fit best.
     """
 
     a: int
