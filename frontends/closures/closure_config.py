@@ -31,6 +31,21 @@ class ConsensusConfig:
 
 
 @dataclass(frozen=True)
+class OverlapConfig:
+    """When a check may pass with fewer inliers, because most points were out of the earlier scans' sight."""
+
+    min_inlier_ratio: float = option(0.25, "", "a 180-degree laser that comes back the other way has 0.2 to 0.5")
+    min_agreement: float = option(
+        0.75, "", "points that fit, of these and those seen through; right poses were seen to have 0.8 and more"
+    )
+    max_expected_sigma_m: float = option(
+        0.35, "m", "of the estimate: fewer points must not choose among places a rack's depth, 1 m, apart"
+    )
+    ray_gap_rad: float = option(0.06, "rad", "between neighbouring rays: thinned points at 1 m; wider hides a post")
+    margin_m: float = option(0.25, "m", "that a ray goes beyond a point: more than a grazing ray's error")
+
+
+@dataclass(frozen=True)
 class ClosureConfig:
     """Which candidates are checked, how far the check searches, and which of its results become factors."""
 
@@ -58,4 +73,5 @@ class ClosureConfig:
     reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
+    overlap: OverlapConfig = field(default_factory=OverlapConfig)
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
 from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.closures.overlap import agreement
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
-from wayfi.frontends.lidar.icp import icp
+from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
@@ -81,7 +82,8 @@ def check(
     # beyond the field's blur around the peak, ICP has found another place
     left_peak = peak.pose.distance(result.T_target_scan) > BLUR_SIGMAS * lidar.correlative.blur_m
     refused = (
-        _refused_fit(result.inlier_ratio, covariance, second_peak, config)
+        _refused_inliers(result, scan, submap_scans, submap_poses, expected, config)
+        or _refused_fit(covariance, second_peak, config)
         or ("ICP left the peak that the search found" if left_peak else "")
         or _refused_pose(expected, result.T_target_scan, covariance, config)
     )
@@ -90,10 +92,29 @@ def check(
     )
 
 
-def _refused_fit(inlier_ratio: float, covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
+def _refused_inliers(
+    result: IcpResult,
+    scan: ScanPoints,
+    submap_scans: list[ScanPoints],
+    submap_poses: Floats,
+    expected: Expected,
+    config: ClosureConfig,
+) -> str:
+    """Why too few points fit; empty if enough do, of all or of those that the submap's scans could see."""
+    ratio, overlap = result.inlier_ratio, config.overlap
+    if ratio >= config.min_inlier_ratio:
+        return ""
+    few = f"inlier ratio {ratio:.2f} under {config.min_inlier_ratio}"
+    if ratio < overlap.min_inlier_ratio or position_sigma(expected.covariance) > overlap.max_expected_sigma_m:
+        return few
+    agree = agreement(ratio, scan, result.T_target_scan, submap_scans, submap_poses, overlap)
+    return (
+        f"{few}; of those in sight {agree:.2f} under {overlap.min_agreement}" if agree < overlap.min_agreement else ""
+    )
+
+
+def _refused_fit(covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
     """Why the two scans do not fix a pose; empty if they do."""
-    if inlier_ratio < config.min_inlier_ratio:
-        return f"inlier ratio {inlier_ratio:.2f} under {config.min_inlier_ratio}"
     if position_sigma(covariance) > config.max_sigma_m:
         return "the walls leave the pose open along them"
     if second_peak > config.max_second_peak:
