@@ -6,7 +6,7 @@ which claims come nor a run of false ones decides.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,15 @@ from wayfi.frontends.wifi.wifi_config import WifiConfig
 UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    """A restart: the claims that it explains, and the calibrations (k, 4) and poses (n, 3) that it replaced."""
+
+    claims: list[Claim]
+    calibrations: Floats
+    poses: Floats
+
+
 class WifiCloser:
     """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one."""
 
@@ -52,6 +61,7 @@ class WifiCloser:
         self._confirm = confirm
         self._claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
+        self._trial: _Trial | None = None
 
     def judge(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
         """The first verdict on a candidate, by the estimate of the keyframes' `poses` (n, 3)."""
@@ -80,7 +90,7 @@ class WifiCloser:
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
             text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
-            return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
+            return [Warned(stamp_ns, text), *self._restart_from(found, recent, poses)]
         if now < gain:
             return []
         agreed = explained & ~self._are_far(pairs, poses)
@@ -103,6 +113,7 @@ class WifiCloser:
                 events.append(self._remove(claim, "the estimate puts its places apart after all"))
             elif claim.factor is None and not is_far and (judged := self._accept_if_likely(claim, poses)):
                 events.append(judged)
+        events += self._end_trial()
         self._claims.learn_sigma(pairs, poses)
         return events
 
@@ -147,16 +158,30 @@ class WifiCloser:
         share = self._claims.true_share()
         return share * ratio / (share * ratio + 1 - share)
 
-    def _restart_from(self, found: Hypothesis, claims: list[Claim]) -> list[Event]:
-        """Accept the claims that `found` explains, remove the others, and restart the graph from it."""
+    def _restart_from(self, found: Hypothesis, claims: list[Claim], poses: Floats) -> list[Event]:
+        """Accept the claims that `found` explains, remove the others, and restart the graph from it, on trial."""
         events: list[Event] = []
         for claim, explained in zip(claims, found.explained, strict=True):
             if claim.factor is not None and not explained:
                 events.append(self._remove(claim, "another turn bias explains more closures"))
             elif explained and claim.factor is None:
                 events.append(self._accept(claim, found.poses, "explained by the turn bias found"))
+        explained = [claim for claim in claims if claim.factor is not None]
+        self._trial = _Trial(explained, self._graph.calibrations(), poses)
         self._graph.restart(found.values, found.poses)
         return events
+
+    def _end_trial(self) -> list[Event]:
+        """Undo the last restart if the estimate that it led to has given up most of the claims that it explained."""
+        trial = self._trial
+        if trial is None or self._graph.restarts:
+            return []
+        if 2 * sum(claim.factor is not None for claim in trial.claims) >= len(trial.claims):
+            return []
+        self._trial = None
+        self._graph.restart(trial.calibrations, trial.poses)
+        held = [claim for claim in self._claims.recent() if claim.factor is not None]
+        return [self._remove(claim, "the turn bias found did not hold") for claim in held]
 
     def _accept(self, claim: Claim, poses: Floats, reason: str) -> ClosureJudged:
         """Add its factor; the verdict states the claim anew, with the heading of `poses` between the keyframes."""

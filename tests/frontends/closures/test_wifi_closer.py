@@ -133,6 +133,27 @@ def test_a_restart_is_asked_for_once() -> None:
     assert len(accepted(run)) > 0.8 * len(verdicts(run))
 
 
+def test_a_restart_whose_pairs_do_not_hold_is_undone() -> None:
+    """Pairs that a turn bias of 0.08 would explain; then it turns out that the wheels have none."""
+    run = drive(4.0, radius_m=8.0, laser=False)
+    closing, before = closer(run), run.poses()
+    round_if_biased = round(run.per_round * (1 / 8.0) / (1 / 8.0 + 0.08))
+    pairs = [run.candidate(b - round_if_biased, b, SIGMA_M) for b in range(round_if_biased, run.last, 8)]
+    events = [e for pair in pairs for e in (*closing.judge(pair, 7, before), *closing.decide(7, before))]
+    assert any(isinstance(event, Warned) for event in events)
+    assert accepted(run)
+    run.graph.update()
+    assert run.worst_m() > 3.0
+    for k in range(run.last):
+        run.graph.add(BetweenFactor(k, k + 1, run.truth[k].between(run.truth[k + 1]), np.diag([1e-6, 1e-6, 1e-8])))
+    run.graph.settle()
+    closing.review(run.poses())
+    assert run.graph.restarts
+    run.graph.settle()
+    assert not accepted(run)
+    assert run.worst_m() < 0.5
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("per_true", [1, 4])
 def test_false_pairs_among_true_ones_do_not_move_the_map(per_true: int, seed: int) -> None:
