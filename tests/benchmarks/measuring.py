@@ -26,7 +26,7 @@ from wayfi.service.evaluation.evaluate import ON_SCAN_S, Evaluation, evaluate, r
 from wayfi.service.evaluation.trajectory_scores import RelationError, absolute_error, relation_error
 
 PICTURES = Path(__file__).with_name("maps")
-PICTURE_PX, PICTURE_COLOURS = 800, 16
+PICTURE_PX, PICTURE_COLOURS = 1100, 16
 
 
 @dataclass(frozen=True, slots=True)
