@@ -62,6 +62,7 @@ class LidarCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
+        self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
 
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
@@ -103,6 +104,13 @@ class LidarCloser:
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
         return CheckOutcome(events, closed, is_open and not closed)
 
+    def walls(self, candidate: WifiCandidate) -> BetweenFactor | None:
+        """The pose across and along the heading of the walls that both keyframes of a checked candidate see.
+
+        Along the walls it is open. None where the check found no such walls, or fixed the pose by itself.
+        """
+        return self._walls.get((candidate.a.keyframe, candidate.b.keyframe))
+
     def review(self, poses: Floats) -> list[Event]:
         """Remove those of the newest accepted closures that the estimate contradicts."""
         events: list[Event] = []
@@ -117,7 +125,8 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Remove every accepted closure, for `reason`."""
+        """Remove every accepted closure, for `reason`, and forget what walls said."""
+        self._walls.clear()
         numbers = sorted(self._accepted)
         for number in numbers:
             self._graph.remove(self._accepted.pop(number))
@@ -156,6 +165,8 @@ class LidarCloser:
         """Enter the verdict on a candidate; add its factor if it is accepted."""
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
+        if done.walls_agree:
+            self._walls[p.a, p.b] = BetweenFactor(p.a, p.b, done.T_a_b, done.covariance)
         judged = self._verdicts.enter(ClosureJudged(
             0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
             p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,
