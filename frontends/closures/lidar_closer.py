@@ -39,7 +39,8 @@ class _Proposed:
 class CheckOutcome:
     """The result of checking a WiFi candidate: its `events`, and whether it was accepted (`closed`).
 
-    `open`: it was not, and the estimate is less certain of the relative position than WiFi is.
+    `open`: it was not, and WiFi has more to say: the estimate is less certain of the relative position than WiFi is, or
+    not much more and the laser sees walls that agree and leave the pose open along them.
     """
 
     events: list[Event]
@@ -94,7 +95,8 @@ class LidarCloser:
         if self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m:
             return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
-        is_open = position_sigma(expected.covariance) > candidate.sigma_m
+        known_m = position_sigma(expected.covariance)
+        is_open = known_m > candidate.sigma_m
         updated, chi2 = update_by_place(expected, a.place, b.place, candidate.sigma_m)
         proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
@@ -102,7 +104,8 @@ class LidarCloser:
             return CheckOutcome([self._enter(proposed, _unchecked(updated, why))], open=is_open)
         events = self._close(proposed, updated, stamp_ns, poses)
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
-        return CheckOutcome(events, closed, is_open and not closed)
+        by_walls = known_m > self._closure.walls_above * candidate.sigma_m and self.walls(candidate) is not None
+        return CheckOutcome(events, closed, not closed and (is_open or by_walls))
 
     def walls(self, candidate: WifiCandidate) -> BetweenFactor | None:
         """The pose across and along the heading of the walls that both keyframes of a checked candidate see.

@@ -48,6 +48,7 @@ class Case:
     options: tuple[str, ...] = ()
     world: World | None = None
     taught: Path | None = None
+    seed: int = 0
 
 
 CASES = [
@@ -68,6 +69,12 @@ CASES = [
     Case("simulated warehouse, rough, laser off", MADE / "warehouse", WITHOUT_LASER, World.WAREHOUSE),
     Case("simulated campus, rough", MADE / "campus", world=World.CAMPUS),
     Case("simulated campus, rough, WiFi off", MADE / "campus", WITHOUT_WIFI, World.CAMPUS),
+    Case("simulated corridor, rough", MADE / "corridor", world=World.CORRIDOR),
+    Case("simulated corridor, rough, WiFi off", MADE / "corridor", WITHOUT_WIFI, World.CORRIDOR),
+    Case("simulated corridor, rough, seed 1", MADE / "corridor_1", world=World.CORRIDOR, seed=1),
+    Case("simulated corridor, rough, seed 1, WiFi off", MADE / "corridor_1", WITHOUT_WIFI, World.CORRIDOR, seed=1),
+    Case("simulated ring, rough", MADE / "ring", world=World.RING),
+    Case("simulated ring, rough, WiFi off", MADE / "ring", WITHOUT_WIFI, World.RING),
 ]
 
 
@@ -158,7 +165,7 @@ def make(case: Case) -> None:
     """Simulate the recording of a case, if it is a simulated one and has none yet."""
     if case.world is not None and not case.folder.exists():
         unfinished = case.folder.with_suffix(".part")
-        simulate(case.world, unfinished)
+        simulate(case.world, unfinished, case.seed)
         unfinished.rename(case.folder)
 
 

@@ -94,6 +94,8 @@ def test_what_walls_say_of_a_wifi_candidate_is_kept_until_scans_are_withdrawn() 
     assert walls is not None
     assert (walls.a, walls.b) == (3, run.last)
     assert np.linalg.eigvalsh(walls.covariance)[-1] >= fixed.open_sigma_m**2
+    for sigma_m, is_open in ((0.1, True), (100.0, False)):  # of WiFi, beside which the estimate is loose, or sure
+        assert closing.close_by_wifi(run.candidate(3, run.last, sigma_m), 0, run.poses()).open is is_open
     closing.withdraw("the scans are forgotten")
     assert closing.walls(candidate) is None
 
