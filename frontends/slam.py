@@ -56,7 +56,7 @@ class SlamCore:
         self._lidar_closer = LidarCloser(self._graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
         self._wifi_closer = WifiCloser(
             self._graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi,
-            self._wifi.confirm,
+            self._wifi.confirm, self._lidar_closer.walls,
         )  # fmt: skip
 
     @property
@@ -154,6 +154,7 @@ class SlamCore:
         self._grid = GridMap(self._config.map)
         for _ in range(len(self.keyframes)):
             self._grid.add(NO_HITS)
+        self._wifi_closer.withdraw_walls()
         return self._lidar_closer.withdraw(reason)
 
     def history(self, stamp_ns: int) -> list[Event]:

@@ -65,6 +65,10 @@ class ClosureConfig:
     max_window_rad: float = option(0.5, "rad", "as above")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
     max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
+    open_sigma_m: float = option(30.0, "m", "along walls that leave it open: far more than any estimate it meets")
+    walls_above: float = option(
+        0.3, "", "of WiFi's sigma: to an estimate that is surer WiFi adds less than a tenth of what it knows"
+    )
     max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")

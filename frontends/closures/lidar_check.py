@@ -15,6 +15,7 @@ from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
 
+OPEN_ALONG = "the walls leave the pose open along them"
 MIN_SCORE = 1e-9  # of the best pose: keeps the ratio finite where nothing scores
 
 
@@ -30,7 +31,8 @@ class Expected:
 class CheckResult:
     """T_a_b as a check measured it, its (3, 3) covariance in a's axes, and why it is `refused` ("" if it is not).
 
-    `second_peak` is the score of the best pose elsewhere over the best score; `submap` (n, 2) m is in a.
+    `second_peak` is the score of the best pose elsewhere over the best score; `submap` (n, 2) m is in a. `walls_agree`:
+    refused only since walls leave the pose open along them; across them and in heading it agrees with the estimate.
     """
 
     T_a_b: Pose2
@@ -40,6 +42,7 @@ class CheckResult:
     second_peak: float
     submap: Floats
     refused: str
+    walls_agree: bool = False
 
 
 def nearest_candidate(
@@ -81,15 +84,29 @@ def check(
     second_peak = peak.second_score / max(peak.score, MIN_SCORE)
     # beyond the field's blur around the peak, ICP has found another place
     left_peak = peak.pose.distance(result.T_target_scan) > BLUR_SIGMAS * lidar.correlative.blur_m
+    unfit = _refused_inliers(result, scan, submap_scans, submap_poses, expected, config) or _refused_fit(
+        covariance, second_peak, config
+    )
+    if unfit == OPEN_ALONG:
+        covariance = _opened(covariance, config.open_sigma_m)
     refused = (
-        _refused_inliers(result, scan, submap_scans, submap_poses, expected, config)
-        or _refused_fit(covariance, second_peak, config)
+        unfit
         or ("ICP left the peak that the search found" if left_peak else "")
         or _refused_pose(expected, result.T_target_scan, covariance, config)
     )
+    walls_agree = unfit == OPEN_ALONG and not _refused_pose(expected, result.T_target_scan, covariance, config)
     return CheckResult(
-        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second_peak, submap.points, refused
-    )
+        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second_peak, submap.points, refused,
+        walls_agree,
+    )  # fmt: skip
+
+
+def _opened(covariance: Floats, sigma_m: float) -> Floats:
+    """A (3, 3) covariance with another `sigma_m` along its worst direction: what was found along it says nothing."""
+    along = np.linalg.eigh(covariance[:2, :2])[1][:, 1]
+    opened = covariance.copy()
+    opened[:2, :2] += sigma_m**2 * np.outer(along, along)
+    return opened
 
 
 def _refused_inliers(
@@ -116,7 +133,7 @@ def _refused_inliers(
 def _refused_fit(covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
     """Why the two scans do not fix a pose; empty if they do."""
     if position_sigma(covariance) > config.max_sigma_m:
-        return "the walls leave the pose open along them"
+        return OPEN_ALONG
     if second_peak > config.max_second_peak:
         return f"ambiguous: second peak {second_peak:.2f} of the best"
     return ""

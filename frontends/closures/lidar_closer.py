@@ -39,7 +39,8 @@ class _Proposed:
 class CheckOutcome:
     """The result of checking a WiFi candidate: its `events`, and whether it was accepted (`closed`).
 
-    `open`: it was not, and the estimate is less certain of the relative position than WiFi is.
+    `open`: it was not, and WiFi has more to say: the estimate is less certain of the relative position than WiFi is, or
+    not much more and the laser sees walls that agree and leave the pose open along them.
     """
 
     events: list[Event]
@@ -62,6 +63,7 @@ class LidarCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
+        self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
 
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
@@ -93,7 +95,8 @@ class LidarCloser:
         if self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m:
             return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
-        is_open = position_sigma(expected.covariance) > candidate.sigma_m
+        known_m = position_sigma(expected.covariance)
+        is_open = known_m > candidate.sigma_m
         updated, chi2 = update_by_place(expected, a.place, b.place, candidate.sigma_m)
         proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
@@ -101,7 +104,15 @@ class LidarCloser:
             return CheckOutcome([self._enter(proposed, _unchecked(updated, why))], open=is_open)
         events = self._close(proposed, updated, stamp_ns, poses)
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
-        return CheckOutcome(events, closed, is_open and not closed)
+        by_walls = known_m > self._closure.walls_above * candidate.sigma_m and self.walls(candidate) is not None
+        return CheckOutcome(events, closed, not closed and (is_open or by_walls))
+
+    def walls(self, candidate: WifiCandidate) -> BetweenFactor | None:
+        """The pose across and along the heading of the walls that both keyframes of a checked candidate see.
+
+        Along the walls it is open. None where the check found no such walls, or fixed the pose by itself.
+        """
+        return self._walls.get((candidate.a.keyframe, candidate.b.keyframe))
 
     def review(self, poses: Floats) -> list[Event]:
         """Remove those of the newest accepted closures that the estimate contradicts."""
@@ -117,7 +128,8 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Remove every accepted closure, for `reason`."""
+        """Remove every accepted closure, for `reason`, and forget what walls said."""
+        self._walls.clear()
         numbers = sorted(self._accepted)
         for number in numbers:
             self._graph.remove(self._accepted.pop(number))
@@ -156,6 +168,8 @@ class LidarCloser:
         """Enter the verdict on a candidate; add its factor if it is accepted."""
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
+        if done.walls_agree:
+            self._walls[p.a, p.b] = BetweenFactor(p.a, p.b, done.T_a_b, done.covariance)
         judged = self._verdicts.enter(ClosureJudged(
             0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
             p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,

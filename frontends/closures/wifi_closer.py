@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import NearFactor
+from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
@@ -24,6 +24,7 @@ from wayfi.frontends.closures.consensus import (
     likelihood_ratio,
     weigh,
 )
+from wayfi.frontends.closures.lidar_check import Expected, update_by_place
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_claims import Claim, WifiClaims
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
@@ -44,7 +45,10 @@ class _Trial:
 
 
 class WifiCloser:
-    """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one."""
+    """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one.
+
+    `walls` gives what the laser saw of a candidate's two places, where that left the pose open along walls.
+    """
 
     def __init__(
         self,
@@ -55,10 +59,11 @@ class WifiCloser:
         config: ConsensusConfig,
         wifi: WifiConfig,
         confirm: Callable[[WifiCandidate], None],
+        walls: Callable[[WifiCandidate], BetweenFactor | None],
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._prior, self._config = prior, config
-        self._confirm = confirm
+        self._confirm, self._walls = confirm, walls
         self._claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
         self._trial: _Trial | None = None
@@ -116,6 +121,16 @@ class WifiCloser:
         events += self._end_trial()
         self._claims.learn_sigma(pairs, poses)
         return events
+
+    def withdraw_walls(self) -> None:
+        """Take back what the laser added to accepted claims."""
+        for claim in self._claims.all():
+            self._remove_walls(claim)
+
+    def _remove_walls(self, claim: Claim) -> None:
+        if claim.walls is not None:
+            self._graph.remove(claim.walls)
+            claim.walls = None
 
     def _search_due(self, last: bool) -> bool:
         """Whether there are refused claims, and enough new ones since the last search to be worth another."""
@@ -188,20 +203,24 @@ class WifiCloser:
         a, b = claim.candidate.a, claim.candidate.b
         factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self._claims.factor_sigma_m(claim))
         claim.factor = self._graph.add(factor)
+        walls = self._walls(claim.candidate)
+        claim.walls = self._graph.add(walls) if walls else None
         self._refused -= 1
         if not claim.confirmed:
             self._confirm(claim.candidate)
             claim.confirmed = True
         T_a_b, covariance = self._claimed(claim.candidate, poses)
         refused = self._verdicts[claim.number]
-        return self._verdicts.restate(
-            replace(refused, T_a_b=T_a_b, covariance=covariance, verdict=Verdict.ACCEPTED, reason=reason)
-        )
+        return self._verdicts.restate(replace(
+            refused, T_a_b=T_a_b, covariance=covariance, heading_claimed=walls is not None, verdict=Verdict.ACCEPTED,
+            reason=reason,
+        ))  # fmt: skip
 
     def _remove(self, claim: Claim, reason: str) -> ClosureJudged:
         assert claim.factor is not None
         self._graph.remove(claim.factor)
         claim.factor = None
+        self._remove_walls(claim)
         self._refused += 1
         return self._verdicts.change(claim.number, Verdict.REMOVED, reason)
 
@@ -224,8 +243,15 @@ class WifiCloser:
         )
 
     def _claimed(self, candidate: WifiCandidate, poses: Floats) -> tuple[Pose2, Floats]:
-        """T_a_b of the keyframes if both fingerprints are at one place, with the heading of `poses`; its covariance."""
+        """T_a_b of the keyframes if both fingerprints are at one place, with its covariance.
+
+        The heading is that of walls that the laser saw, or of `poses` and then not claimed.
+        """
         a, b = candidate.a, candidate.b
+        if walls := self._walls(candidate):
+            known = Expected(walls.T_a_b, walls.covariance)
+            updated, _ = update_by_place(known, a.place, b.place, self._claims.sigma_m(candidate))
+            return updated.T_a_b, updated.covariance
         heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
         variance = self._claims.sigma_m(candidate) ** 2
         return pose_of_common_place(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
@@ -238,6 +264,6 @@ class WifiCloser:
             ClosureJudged(
                 0, self._keyframes[a.keyframe].point.stamp_ns, self._keyframes[b.keyframe].point.stamp_ns, a.keyframe,
                 b.keyframe, ClosureKind.WIFI, proposed_by, candidate.similarity, at_a.distance(at_b), np.nan, T_a_b,
-                covariance, False, Verdict.REFUSED, refused,
+                covariance, self._walls(candidate) is not None, Verdict.REFUSED, refused,
             )
         )  # fmt: skip

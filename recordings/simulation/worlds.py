@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from wayfi.recordings.simulation import campus, carpark, office, warehouse
+from wayfi.recordings.simulation import campus, carpark, corridor, office, warehouse
 from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.laser import UST_20LX, LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
@@ -20,6 +20,8 @@ class World(StrEnum):
     OFFICE = "office"
     WAREHOUSE = "warehouse"
     CAMPUS = "campus"
+    CORRIDOR = "corridor"
+    RING = "ring"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,4 +43,10 @@ BLUEPRINTS = {
     World.OFFICE: Blueprint(office.ROUTE, office.RADIO, office.surfaces, aisle_m=0.65),
     World.WAREHOUSE: Blueprint(warehouse.ROUTE, warehouse.RADIO, warehouse.surfaces, aisle_m=0.6),
     World.CAMPUS: Blueprint(campus.ROUTE, campus.RADIO, campus.surfaces, aisle_m=0.65, laser=campus.LASER),
+    World.CORRIDOR: Blueprint(
+        corridor.STRAIGHT_ROUTE, corridor.STRAIGHT_RADIO, corridor.straight_surfaces, aisle_m=0.65, laser=corridor.LASER
+    ),
+    World.RING: Blueprint(
+        corridor.RING_ROUTE, corridor.RING_RADIO, corridor.ring_surfaces, aisle_m=0.65, laser=corridor.LASER
+    ),
 }

@@ -57,7 +57,7 @@ def replay(
 
 
 def simulate(
-    world: Annotated[str, typer.Argument(help="carpark, office, warehouse or campus.")],
+    world: Annotated[str, typer.Argument(help="carpark, office, warehouse, campus, corridor or ring.")],
     out: Annotated[Path, typer.Option(help="Folder for recording.mcap and truth.tum.")],
     seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,

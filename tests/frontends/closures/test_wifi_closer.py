@@ -17,9 +17,11 @@ from wayfi.frontends.wifi.wifi_config import WifiConfig
 SIGMA_M = 0.8
 
 
-def closer(run: Circles, config: ConsensusConfig | None = None) -> WifiCloser:
-    wifi = WifiConfig()
-    return WifiCloser(run.graph, run.keyframes, run.verdicts, PRIOR, config or ConsensusConfig(), wifi, lambda _: None)
+def closer(run: Circles, config: ConsensusConfig | None = None, walls: BetweenFactor | None = None) -> WifiCloser:
+    used = config or ConsensusConfig()
+    return WifiCloser(
+        run.graph, run.keyframes, run.verdicts, PRIOR, used, WifiConfig(), lambda _: None, lambda _: walls
+    )
 
 
 def verdicts(run: Circles) -> list[ClosureJudged]:
@@ -203,3 +205,31 @@ def test_sigma_follows_what_the_accepted_pairs_show() -> None:
     claimed = [math.sqrt(j.covariance[0, 0]) for j in verdicts(run)]
     assert claimed[0] == pytest.approx(SIGMA_M)
     assert claimed[-1] < 0.75 * SIGMA_M
+
+
+def test_the_laser_adds_to_an_accepted_pair_what_walls_tell_and_takes_it_back() -> None:
+    run = drive(2.0, radius_m=8.0, laser=False)
+    a, b = 5, 5 + run.per_round
+    T_a_b = run.truth[a].between(run.truth[b])
+    walls = BetweenFactor(a, b, T_a_b @ Pose2(3.0, 0.0, 0.0), np.diag([900.0, 0.02**2, 0.004**2]))
+    closing = closer(run, ConsensusConfig(min_posterior=0.0), walls)
+    before = run.graph.factors()
+    (*_, verdict) = closing.judge(run.candidate(a, b, SIGMA_M), 9, run.poses())
+    assert isinstance(verdict, ClosureJudged)
+    assert (verdict.verdict, verdict.kind, verdict.heading_claimed) == (
+        Verdict.ACCEPTED, ClosureKind.WIFI, True
+    )  # fmt: skip
+    along_m, across_m, heading_rad = np.sqrt(np.diag(verdict.covariance))
+    assert along_m == pytest.approx(SIGMA_M, rel=0.01)
+    assert across_m == pytest.approx(0.02, rel=0.01)
+    assert heading_rad == pytest.approx(0.004, rel=0.01)
+    assert abs(verdict.T_a_b.x) < 0.1  # WiFi's places are one, whatever the walls' pose is along them
+    added = [factor for number, factor in run.graph.factors().items() if number not in before]
+    assert added[1] is walls
+    run.graph.update()
+    T = run.graph.pose(a).between(run.graph.pose(b))
+    assert abs(T.theta - T_a_b.theta) < 0.01
+    assert abs(T.y - walls.T_a_b.y) < 0.05
+    closing.withdraw_walls()
+    assert walls not in run.graph.factors().values()
+    assert added[0] in run.graph.factors().values()
