@@ -7,6 +7,7 @@ from drives import Replayed, replay_by_cli
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.evaluation.evaluate import Evaluation, evaluate
 
@@ -66,7 +67,7 @@ def test_the_whole_car_park(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_whole_car_park_without_the_laser_where_no_wheel_slips(tmp_path: Path) -> None:
-    made = simulate(World.CARPARK, tmp_path / "carpark", rough=False)
+    made = simulate(World.CARPARK, tmp_path / "carpark", robot=Robot.IDEAL)
     replay_by_cli(made.recording, tmp_path / "wifi", *WITHOUT_LASER, "--no-rrd")
     final_m, online_m, evaluation = scored(made, tmp_path / "wifi")
     assert final_m < 1.2
