@@ -1,23 +1,28 @@
-"""The footprint of a laser's beam: on a wall that it grazes, the part of the light that is back first is measured.
+"""The footprint of a laser's beam: a wall that it grazes returns a long pulse, and the range comes out short.
 
-A beam of light is a narrow cone. Where it grazes a wall, the near edge of its footprint is back long before the far
-one, and the range comes out short (Laconte et al., "Lidar measurement bias estimation via return waveform modelling",
-ICRA 2019).
+A beam of light is a narrow cone. On a slanted wall its footprint spreads along the beam, which lengthens the pulse that
+comes back. The laser takes the moment at which the pulse has risen to half of its height (Laconte et al., "Lidar
+measurement bias estimation via return waveform modelling in a context of 3D mapping", ICRA 2019).
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Random = NDArray[np.float32]
+
+PULSE_M = 0.25  # sigma of a pulse of 4 ns at half of its height, in range
+HALF_HEIGHT = math.sqrt(2 * math.log(2))  # sigmas from the middle of a normal pulse to half of its height
+LEAST_INCIDENCE = 0.01  # cosine: a beam that is nearer to parallel meets bumps, not the plane
 
 
-def measured_in_footprint(range_m: Floats, incidence: Floats, divergence_rad: float, uniform: Random) -> Floats:
-    """The ranges (m) that beams of `divergence_rad` measure on the planes that they meet at `range_m`.
+def shortened_m(range_m: Floats, incidence: Floats, divergence_rad: float) -> Floats:
+    """How much too short (m) beams of `divergence_rad` measure walls at `range_m`; 0 where there is none.
 
-    `incidence` is the cosine of the angle a to the plane's normal. A ray inside the cone that is b nearer to the normal
-    than the middle one meets the plane at range_m cos(a) / cos(a - b); b is uniform from 0 to half of the divergence.
+    `incidence` is the cosine of the angle to the wall's normal.
     """
-    b = 0.5 * divergence_rad * uniform
-    sine = np.sqrt(np.maximum(1.0 - incidence**2, 0.0))
-    return np.asarray(range_m * incidence / np.maximum(incidence * np.cos(b) + sine * np.sin(b), 1e-9))
+    cosine = np.maximum(incidence, LEAST_INCIDENCE)
+    slope = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
+    spread_m = np.where(np.isfinite(range_m), range_m, 0.0) * divergence_rad * slope / math.sqrt(12)
+    return np.asarray(HALF_HEIGHT * (np.hypot(PULSE_M, spread_m) - PULSE_M))

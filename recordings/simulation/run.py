@@ -155,9 +155,13 @@ def _step_errors(run: Run, period_s: float) -> wheels.StepErrors:
 
 def scans(run: Run) -> Iterator[LaserScan]:
     """The scans of the planar laser."""
+    return scans_at(run, EPOCH_NS + np.arange(run.scan_delay_ns, run.length_ns + 1, run.laser.period_ns))
+
+
+def scans_at(run: Run, stamps: Stamps) -> Iterator[LaserScan]:
+    """What the planar laser would scan at `stamps` (n,)."""
     spec = run.laser
     time_increment_s = spec.time_increment_s if run.rough else 0.0
-    stamps = EPOCH_NS + np.arange(run.scan_delay_ns, run.length_ns + 1, spec.period_ns)
     batches = (stamps[first : first + SCANS_AT_ONCE] for first in range(0, len(stamps), SCANS_AT_ONCE))
     for batch, ranges in _swept(run, batches):
         for stamp_ns, sweep in zip(batch.tolist(), ranges, strict=True):

@@ -85,6 +85,6 @@ _POOR = WheelRanges(
 )
 MODELS = {
     Robot.IDEAL: RobotModel(_CALIBRATED, None),
-    Robot.TYPICAL: RobotModel(_UNCALIBRATED, LaserRanges((0.001, 0.004), (0.15, 0.5))),
-    Robot.CHEAP: RobotModel(_POOR, LaserRanges((0.004, 0.01), (0.5, 0.5), coarse=True)),
+    Robot.TYPICAL: RobotModel(_UNCALIBRATED, LaserRanges((0.002, 0.006), (0.15, 0.5))),
+    Robot.CHEAP: RobotModel(_POOR, LaserRanges((0.006, 0.015), (0.5, 0.5), coarse=True)),
 }
