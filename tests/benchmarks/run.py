@@ -3,7 +3,7 @@
     python tests/benchmarks/run.py [--only NAME ...] [--write]
 
 Each replay runs in a process of its own, with session.rrd and map. Simulated recordings are made once, into
-build/benchmarks/rough; --write appends the figures to RESULTS.md.
+build/benchmarks; --write appends the figures to RESULTS.md.
 """
 
 import argparse
@@ -17,23 +17,32 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.files.tables import ClosureRow
 from wayfi.recordings.simulation.recorder import simulate
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.worlds import World
 from wayfi.service.evaluation.evaluate import Evaluation, TrajectoryScore, evaluate
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL, MADE, RESULTS = (
     ROOT.parent / "shared" / "data",
-    ROOT / "build" / "benchmarks" / "rough",
+    ROOT / "build" / "benchmarks",
     Path(__file__).with_name("RESULTS.md"),
 )
 WITHOUT_LASER = ("--set", "lidar.enabled=false")
 WITHOUT_WIFI = ("--set", "wifi.enabled=false")
 SHOWN_STAGES = 5
+
+
+class Drive(NamedTuple):
+    """A simulated drive: where, which robot, and the seed."""
+
+    world: World
+    robot: Robot
+    seed: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +55,14 @@ class Case:
     name: str
     folder: Path
     options: tuple[str, ...] = ()
-    world: World | None = None
+    drive: Drive | None = None
     taught: Path | None = None
+
+
+def simulated(world: World, robot: Robot, seed: int, without: str = "", options: tuple[str, ...] = ()) -> Case:
+    """A case of a whole simulated drive, `without` a sensor."""
+    name = ", ".join(part for part in (f"simulated {world}", robot, f"seed {seed}", without) if part)
+    return Case(name, MADE / f"{world}_{robot}_{seed}", options, Drive(world, robot, seed))
 
 
 CASES = [
@@ -60,14 +75,10 @@ CASES = [
     Case("intel", REAL / "intel"),
     Case("intel_wifi (its WiFi is simulated)", REAL / "intel_wifi"),
     Case("intel_wifi (its WiFi is simulated), laser off", REAL / "intel_wifi", WITHOUT_LASER),
-    Case("simulated car park, rough", MADE / "carpark", world=World.CARPARK),
-    Case("simulated car park, rough, laser off", MADE / "carpark", WITHOUT_LASER, World.CARPARK),
-    Case("simulated office, rough", MADE / "office", world=World.OFFICE),
-    Case("simulated office, rough, laser off", MADE / "office", WITHOUT_LASER, World.OFFICE),
-    Case("simulated warehouse, rough", MADE / "warehouse", world=World.WAREHOUSE),
-    Case("simulated warehouse, rough, laser off", MADE / "warehouse", WITHOUT_LASER, World.WAREHOUSE),
-    Case("simulated campus, rough", MADE / "campus", world=World.CAMPUS),
-    Case("simulated campus, rough, WiFi off", MADE / "campus", WITHOUT_WIFI, World.CAMPUS),
+    *(simulated(world, robot, 0) for robot in Robot for world in World),
+    *(simulated(world, Robot.TYPICAL, seed) for seed in (1, 2) for world in World),
+    *(simulated(world, Robot.TYPICAL, 0, "laser off", WITHOUT_LASER) for world in World if world is not World.CAMPUS),
+    simulated(World.CAMPUS, Robot.TYPICAL, 0, "WiFi off", WITHOUT_WIFI),
 ]
 
 
@@ -156,9 +167,9 @@ def stage_shares(stages: dict[str, Any], wall_s: float) -> str:
 
 def make(case: Case) -> None:
     """Simulate the recording of a case, if it is a simulated one and has none yet."""
-    if case.world is not None and not case.folder.exists():
+    if case.drive is not None and not case.folder.exists():
         unfinished = case.folder.with_suffix(".part")
-        simulate(case.world, unfinished)
+        simulate(case.drive.world, unfinished, case.drive.seed, robot=case.drive.robot)
         unfinished.rename(case.folder)
 
 
@@ -219,7 +230,7 @@ def chosen(only: list[str]) -> Iterator[Case]:
     for case in CASES:
         if only and not any(word in case.name for word in only):
             continue
-        if case.world is None and not case.folder.is_dir():
+        if case.drive is None and not case.folder.is_dir():
             sys.stderr.write(f"{case.name}: left out, there is no {case.folder}\n")
             continue
         yield case

@@ -55,6 +55,11 @@ class Errors:
         return ((self.values[:, k], self.sigmas[:, k] < OPEN_M) for k in range(3))
 
 
+def joined(parts: list[Errors]) -> Errors:
+    """The errors of several drives."""
+    return Errors(np.concatenate([part.values for part in parts]), np.concatenate([part.sigmas for part in parts]))
+
+
 def keyframe_seconds(poses: Floats, seconds: Floats) -> Floats:
     """(k,) the times at which `poses` (n, 3) at `seconds` (n,) have moved on by a keyframe."""
     step = np.hypot(*np.diff(poses[:, :2], axis=0).T) / WHEELS.keyframe_distance_m

@@ -1,4 +1,4 @@
-"""How well the estimate of the wheels foretells their heading error: a filter that knows the truth up to some keyframe."""
+"""How well the wheels' calibration foretells their heading error: a filter that knows the truth up to a keyframe."""
 
 from dataclasses import dataclass
 
