@@ -28,7 +28,8 @@ class World(StrEnum):
 class Blueprint:
     """A world: the route, the surfaces, the laser and the access points.
 
-    People walk up to `aisle_m` to each side of the robot's path.
+    People walk up to `aisle_m` to each side of the robot's path. Every second seed drives `other_route`, if there is
+    one.
     """
 
     route: RoutePlan
@@ -36,10 +37,13 @@ class Blueprint:
     surfaces: Callable[[TrueMotion, np.random.Generator], Surfaces]
     aisle_m: float
     laser: LaserSpec = UST_20LX
+    other_route: RoutePlan | None = None
 
 
 BLUEPRINTS = {
-    World.CARPARK: Blueprint(carpark.ROUTE, carpark.RADIO, carpark.surfaces, aisle_m=1.6),
+    World.CARPARK: Blueprint(
+        carpark.ROUTE, carpark.RADIO, carpark.surfaces, aisle_m=1.6, other_route=carpark.ROUTE_AROUND
+    ),
     World.OFFICE: Blueprint(office.ROUTE, office.RADIO, office.surfaces, aisle_m=0.65),
     World.WAREHOUSE: Blueprint(warehouse.ROUTE, warehouse.RADIO, warehouse.surfaces, aisle_m=0.6),
     World.CAMPUS: Blueprint(campus.ROUTE, campus.RADIO, campus.surfaces, aisle_m=0.65, laser=campus.LASER),

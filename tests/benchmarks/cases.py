@@ -11,15 +11,34 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wayfi.recordings.simulation.recorder import simulate
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.worlds import World
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED, MADE = ROOT.parent / "shared", ROOT / "build" / "benchmarks"
-REAL, ROUGH, OTHER = SHARED / "data", MADE / "rough", MADE / "other_worlds"
+REAL, OWN, OTHER = SHARED / "data", MADE / "own_worlds", MADE / "other_worlds"
 OTHER_SIMULATOR = SHARED / "tools" / "other_worlds.py"
 WITHOUT_LASER = ("--set", "lidar.enabled=false")
 WITHOUT_WIFI = ("--set", "wifi.enabled=false")
 SEEDS = (1, 2, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnWorld:
+    """A drive of our own simulator: one of its worlds and robots."""
+
+    world: World
+    robot: Robot
+    seed: int
+
+    @property
+    def folder(self) -> Path:
+        """Where it is made."""
+        return OWN / f"{self.world}_{self.robot}_{self.seed}"
+
+    def make(self, folder: Path) -> None:
+        """Simulate it into `folder`."""
+        simulate(self.world, folder, seed=self.seed, robot=self.robot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +71,14 @@ class Case:
     name: str
     folder: Path
     options: tuple[str, ...] = ()
-    simulated: World | OtherWorld | None = None
+    simulated: OwnWorld | OtherWorld | None = None
     taught: Path | None = None
     pictured: bool = False
 
     @property
     def title(self) -> str:
         """The name, with the seed where there are several."""
-        return f"{self.name}, seed {self.simulated.seed}" if isinstance(self.simulated, OtherWorld) else self.name
+        return f"{self.name}, seed {self.simulated.seed}" if self.simulated else self.name
 
     @property
     def recording(self) -> Path:
@@ -77,9 +96,11 @@ def real(name: str, *options: str, pictured: bool = False) -> Case:
     return Case(name, REAL / name, options, pictured=pictured)
 
 
-def own(world: World, name: str, *options: str) -> Case:
-    """A drive of our own simulator."""
-    return Case(f"simulated {name}", ROUGH / world.value, options, world)
+def own(world: World, robot: Robot, without: str = "", *options: str) -> list[Case]:
+    """Drives of our own simulator, one of each seed."""
+    drives = [OwnWorld(world, robot, seed) for seed in SEEDS]
+    name = ", ".join(part for part in (f"simulated {world}", robot, without) if part)
+    return [Case(name, drive.folder, options, drive) for drive in drives]
 
 
 def others(world: str, name: str, options: tuple[str, ...], *replay: str) -> list[Case]:
@@ -116,14 +137,11 @@ CASES = [
     *others("garage", "garage, ideal laser", ()),
     *others("garage", "garage without laser", (), *WITHOUT_LASER),
     *others("office", "office without laser", (), *WITHOUT_LASER),
-    own(World.CARPARK, "car park, rough"),
-    own(World.CARPARK, "car park, rough, laser off", *WITHOUT_LASER),
-    own(World.OFFICE, "office, rough"),
-    own(World.OFFICE, "office, rough, laser off", *WITHOUT_LASER),
-    own(World.WAREHOUSE, "warehouse, rough"),
-    own(World.WAREHOUSE, "warehouse, rough, laser off", *WITHOUT_LASER),
-    own(World.CAMPUS, "campus, rough"),
-    own(World.CAMPUS, "campus, rough, WiFi off", *WITHOUT_WIFI),
+    *[case for robot in (Robot.TYPICAL, Robot.CHEAP) for world in World for case in own(world, robot)],
+    *[case for world in World for case in own(world, Robot.TYPICAL, "WiFi off", *WITHOUT_WIFI)],
+    *own(World.CARPARK, Robot.TYPICAL, "laser off", *WITHOUT_LASER),
+    *own(World.OFFICE, Robot.TYPICAL, "laser off", *WITHOUT_LASER),
+    *own(World.CARPARK, Robot.IDEAL),
 ]
 
 
@@ -133,7 +151,7 @@ def chosen(only: list[str]) -> Iterator[Case]:
         if only and not any(word in case.title for word in only):
             continue
         needed = OTHER_SIMULATOR if isinstance(case.simulated, OtherWorld) else case.folder
-        if not isinstance(case.simulated, World) and not needed.exists():
+        if not isinstance(case.simulated, OwnWorld) and not needed.exists():
             sys.stderr.write(f"{case.title}: left out, there is no {needed}\n")
             continue
         yield case
@@ -145,8 +163,5 @@ def make(case: Case) -> None:
         return
     unfinished = case.folder.with_suffix(".part")
     unfinished.parent.mkdir(parents=True, exist_ok=True)
-    if isinstance(case.simulated, World):
-        simulate(case.simulated, unfinished)
-    else:
-        case.simulated.make(unfinished)
+    case.simulated.make(unfinished)
     unfinished.rename(case.folder)
