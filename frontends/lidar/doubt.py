@@ -21,8 +21,8 @@ class DoubtConfig:
     )
     agree_chi2: float = option(25.0, "1", "of wheels against a match, which is no confirmation beyond")
     slip_chi2: float = option(100.0, "1", "as above: a slip, unless it is small; wheels are scaled for less")
-    slip_m: float = option(0.1, "m", "less is no slip, however sure both are: a mount or a stamp may be off by it")
-    slip_rad: float = option(0.1, "rad", "as above")
+    slip_m: float = option(0.08, "m", "less is no slip, however sure both are: a mount or a stamp may be off by it")
+    slip_rad: float = option(0.08, "rad", "as above")
     slip_gain: float = option(0.1, "1", "of inlier ratio over the wheels' pose: where that fits as well, walls repeat")
     slips: int = option(3, "steps", "in a row that make the pose UNCERTAIN; sound robots were seen to slip in two")
     misfits: int = option(3, "scans", "in a row that fit nowhere in the map: LOST")
@@ -76,6 +76,12 @@ def error(guess: Pose2, T: Pose2) -> Floats:
     return np.array([T.x - guess.x, T.y - guess.y, wrap(T.theta - guess.theta)])
 
 
+def misses(motion: WheelMotion, e: Floats) -> bool:
+    """Whether an error `e` (3,) of the wheels is over half of what they say; turning on the spot shifts a mount."""
+    turned = abs(motion.pose.theta)
+    return math.hypot(e[0], e[1]) > 0.5 * (motion.path_m + TURNING_M * turned) or abs(e[2]) > 0.5 * turned + STANDS_RAD
+
+
 def _disagreement(motion: WheelMotion, T: Pose2) -> str:
     """Which of laser and wheels moves how."""
     if stands(motion.pose):
@@ -89,6 +95,7 @@ def _disagreement(motion: WheelMotion, T: Pose2) -> str:
     return f"the wheels contradict the laser ({said})"
 
 
+TURNING_M = 0.5  # per rad: a mount that is unknown, and wheels that skid as they turn
 STANDS_M, STANDS_RAD = 0.05, 0.05  # what standing still leaves of a scan match, and of wheels that jitter
 
 

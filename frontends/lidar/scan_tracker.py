@@ -8,7 +8,7 @@ import numpy as np
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.keyframes import Keyframes
-from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, slipped
+from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, misses, slipped
 from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
@@ -94,15 +94,22 @@ class ScanTracker:
     def _judge(
         self, scan: ScanPoints, submap: PointIndex, motion: WheelMotion, guess: Pose2, match: ScanMatch
     ) -> StepJudged:
-        """Whether a good match contradicts the wheels by far more than both covariances."""
+        """Whether a good match contradicts the wheels by far more than both covariances.
+
+        Where the wheels miss most of the motion it is their failure, not noise that the covariance scale describes.
+        """
         doubt, T = self._lidar.doubt, match.T_submap_scan
         e = error(guess, T)
-        chi2 = float(e @ np.linalg.solve(self.wheel_covariance(motion) + match.covariance, e))
+        scale = min(self.covariance_scale, self._trust.initial) if misses(motion, e) else self.covariance_scale
+        wheels = wheel_covariance(motion, self._odometry, scale)
+        chi2 = float(e @ np.linalg.solve(wheels + match.covariance, e))
         if chi2 < doubt.agree_chi2:
             return AGREES
-        small = chi2 < doubt.slip_chi2 or (math.hypot(e[0], e[1]) < doubt.slip_m and abs(e[2]) < doubt.slip_rad)
-        gain = match.inlier_ratio - inlier_ratio(scan, submap, guess, self._lidar.icp)
-        return SILENT if small or gain < doubt.slip_gain else slipped(motion, guess, T)
+        small = math.hypot(e[0], e[1]) < doubt.slip_m and abs(e[2]) < doubt.slip_rad
+        near = replace(self._lidar.icp, inlier_m=0.5 * doubt.slip_m)
+        gain = inlier_ratio(scan, submap, T, near) - inlier_ratio(scan, submap, guess, near)
+        slips = chi2 > doubt.slip_chi2 and not small and gain > doubt.slip_gain
+        return slipped(motion, guess, T) if slips else SILENT
 
     def update_scale(self, motion: WheelMotion, guess: Pose2, match: ScanMatch) -> None:
         """Update `covariance_scale` by a scan match of the keyframe that the wheels put at `guess`.
