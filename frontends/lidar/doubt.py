@@ -79,7 +79,8 @@ def error(guess: Pose2, T: Pose2) -> Floats:
 def misses(motion: WheelMotion, e: Floats) -> bool:
     """Whether an error `e` (3,) of the wheels is over half of what they say; turning on the spot shifts a mount."""
     turned = abs(motion.pose.theta)
-    return math.hypot(e[0], e[1]) > 0.5 * (motion.path_m + TURNING_M * turned) or abs(e[2]) > 0.5 * turned + STANDS_RAD
+    driven_m = motion.path_m + TURNING_M * turned
+    return bool(math.hypot(e[0], e[1]) > 0.5 * driven_m or abs(e[2]) > 0.5 * turned + STANDS_RAD)
 
 
 def _disagreement(motion: WheelMotion, T: Pose2) -> str:

@@ -22,7 +22,7 @@ class RelocationConfig:
     points: int = option(100, "", "half of the usual search's: the cost again")
     max_coarse_cells: int = option(3000, "", "coarse cells opened: five times the usual search's, of 50 times as many")
     angle_step: float = option(0.02, "rad", "0.2 m at 10 m, which the field's blur covers")
-    min_inlier_ratio: float = option(0.7, "", "with a free choice of the pose half of the points fit by chance")
+    min_inlier_ratio: float = option(0.85, "", "with a free choice of the pose a mirrored hall fitted to 0.82")
     max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     max_seen_through: float = option(0.15, "", "of the walls in view; sound matches had 0.01 to 0.15")
 
