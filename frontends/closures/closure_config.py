@@ -62,7 +62,7 @@ class ClosureConfig:
     min_window_m: float = option(0.4, "m", "to each side, however small the covariance: the estimate may be wrong")
     min_window_rad: float = option(0.1, "rad", "as above")
     max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
-    max_window_rad: float = option(0.5, "rad", "as above")
+    max_window_rad: float = option(0.5, "rad", "as above; any heading where the sigma of the heading is over it")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
     max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
     open_sigma_m: float = option(30.0, "m", "along walls that leave it open: far more than any estimate it meets")

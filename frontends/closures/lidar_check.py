@@ -1,5 +1,6 @@
 """From a loop candidate to a verdict: a bounded check by scan matching, and the gate against the estimate."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from wayfi.frontends.closures.overlap import agreement
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.relocation import any_heading
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
 
@@ -75,9 +77,12 @@ def check(
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    smallest, largest = (config.min_window_m, config.min_window_rad), (config.max_window_m, config.max_window_rad)
+    turned = math.sqrt(expected.covariance[2, 2]) > config.max_window_rad
+    widest_rad = math.pi if turned else config.max_window_rad
+    grid = any_heading(lidar.relocation, lidar.correlative) if turned else lidar.correlative
+    smallest, largest = (config.min_window_m, config.min_window_rad), (config.max_window_m, widest_rad)
     window = SearchWindow.of(expected.covariance, config.gate_chi2, smallest, largest)
-    peak = search(scan.points, build_field(submap.points, lidar.correlative), expected.T_a_b, window, lidar.correlative)
+    peak = search(scan.points, build_field(submap.points, lidar.correlative), expected.T_a_b, window, grid)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
     covariance = match_covariance(result, lidar.degenerate_below, lidar.sigma_floor_m, lidar.sigma_floor_rad)
     covariance = covariance + diagonal_covariance(config.sigma_floor_m, config.sigma_floor_rad)

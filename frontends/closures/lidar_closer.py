@@ -138,7 +138,9 @@ class LidarCloser:
     def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b
         reach = self._closure.submap_reach
-        scans, placed = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
+        first, last = self._keyframes.piece(a)
+        first, last = max(a - reach, first), min(a + reach + 1, b, last)
+        scans, placed = self._keyframes.scans_around(first, last, poses[a], poses)
         scan = self._keyframes[b].scan
         assert scan is not None
         with self._timer("check"):

@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 
 from wayfi.backend.options import option
 from wayfi.frontends.lidar.correlative import CorrelativeConfig
+from wayfi.frontends.lidar.doubt import DoubtConfig
 from wayfi.frontends.lidar.icp import IcpConfig
+from wayfi.frontends.lidar.relocation import RelocationConfig
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,8 @@ class LidarConfig:
     trust: WheelTrustConfig = field(default_factory=WheelTrustConfig)
     icp: IcpConfig = field(default_factory=IcpConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
+    relocation: RelocationConfig = field(default_factory=RelocationConfig)
+    doubt: DoubtConfig = field(default_factory=DoubtConfig)
     correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
     clock: LaserClockConfig = field(default_factory=LaserClockConfig)
     watch: LaserWatchConfig = field(default_factory=LaserWatchConfig)

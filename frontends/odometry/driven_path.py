@@ -33,13 +33,17 @@ class PathPoint:
 
 
 class DrivenPath:
-    """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion."""
+    """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion.
+
+    `leapt_m` is the length of the newest step if it was such a leap, else 0.
+    """
 
     def __init__(self, config: OdometryConfig) -> None:
         self._config = config
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._was_away = False
+        self.leapt_m = 0.0
 
     @property
     def latest(self) -> PathPoint | None:
@@ -66,15 +70,18 @@ class DrivenPath:
         last = self.latest
         plausible, discontinuities = True, last.discontinuities if last else 0
         if last is None:
-            point = PathPoint(stamp_ns, T_odom_base, 0.0)
+            point, self.leapt_m = PathPoint(stamp_ns, T_odom_base, 0.0), 0.0
         else:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * NANOSECOND_S
-            restarted = self._was_away and self._has_restarted(T_odom_base)
-            if restarted or not distance <= max(self._config.min_leap_m, self._config.max_speed_m_s * seconds):
-                plausible, step, distance = False, Pose2(), 0.0
-                discontinuities += self._was_away
+            restarted = self._has_restarted(T_odom_base)
+            self.leapt_m = 0.0
+            if (self._was_away and restarted) or not distance <= max(
+                self._config.min_leap_m, self._config.max_speed_m_s * seconds
+            ):
+                plausible, self.leapt_m, step, distance = False, distance, Pose2(), 0.0
+                discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
