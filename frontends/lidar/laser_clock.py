@@ -76,6 +76,7 @@ class LaserClock:
                 return
             turns.append(wrap(end.T_path_base.theta - begin.T_path_base.theta))
         begin, end = path.at(from_ns), path.at(to_ns)
-        assert begin and end
+        assert begin
+        assert end
         self._turns.append(Turn(turned_rad, np.array(turns), end.path_m - begin.path_m))
         self._compared += 1

@@ -33,7 +33,7 @@ def latency_s(turns: list[Turn], offsets_s: Floats, config: LatencyConfig) -> fl
     """
     if len(turns) < config.min_turns:
         return None
-    small = np.flatnonzero(np.abs(offsets_s) <= config.max_s + 1e-9)
+    small = np.flatnonzero(np.abs(offsets_s) <= config.max_s + 1e-9).tolist()
     errors_rad = np.array([_mean_error_rad(turns, offset) for offset in small])
     best, none = int(errors_rad.argmin()), len(small) // 2
     gain = len(turns) * math.log(errors_rad[none] / errors_rad[best])
