@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.balance import blocks_ending_at, dissection
 from wayfi.backend.graph.batch import of_gtsam, optimised
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import (
@@ -199,7 +200,7 @@ class PoseGraph:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         last = max((self._chain.stretch(self._factors[n]) for n in self._queued), default=0)
         if last >= self._stretches:
-            known = self.calibrations() if calibrations is None else calibrations
+            known = self.calibration_values()[None] if calibrations is None else calibrations
             self._chain.add_states(range(self._stretches, last + 1), known, graph, values)
             self._stretches = last + 1
         walks = graph.size()
@@ -211,7 +212,11 @@ class PoseGraph:
                 graph.add(origin_factor())
         result = self._isam.update(graph, values, self._removed)
         self._isam_indices.update(zip(self._queued, list(result.getNewFactorsIndices())[walks:], strict=False))
+        grown = bool(self._queued_poses)
         self._queued, self._queued_poses, self._removed = [], {}, []
+        if grown and (block := blocks_ending_at(self.keyframes - 1)):
+            stretches = sorted({min(self._chain.stretch_of(k), self._stretches - 1) for k in block})
+            self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), dissection(block, stretches))
 
     def _with_new_keyframes(self, poses: Floats) -> Floats:
         """(n, 3) `poses` of the first keyframes, continued for the later ones by the steps between first guesses."""
