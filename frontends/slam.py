@@ -89,11 +89,10 @@ class SlamCore:
         number = self._graph.add_keyframe(guess)
         tracked = self._connect(point, placed, number) if number else None
         self._append(point, placed, guess)
-        moved = self._graph.pending
         updated = self._estimate.update(point.stamp_ns)
         events = self._keyframe_events(number, tracked, updated)
         with self._timer("closure"):
-            if moved:
+            if self._estimate.moved:
                 events += self._review()
             events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
         return events + self._estimate.observe(point.stamp_ns)

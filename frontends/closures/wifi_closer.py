@@ -93,7 +93,7 @@ class WifiCloser:
     def review(self, poses: Floats) -> list[Event]:
         """After the estimate has changed: remove what it contradicts, accept what it now makes likely."""
         recent = self._claims.recent()
-        if not recent:
+        if not recent or self._graph.restarts:
             return []
         pairs = self._claims.pairs(recent)
         far = self._are_far(pairs, poses)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from graphs import PRIOR, drive, loops
 
-from wayfi.backend.graph import pose_graph
+from wayfi.backend.graph import isam
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.balance import BLOCK, blocks_ending_at, dissection
 from wayfi.backend.graph.pose_graph import PoseGraph
@@ -14,7 +14,7 @@ from wayfi.backend.graph.pose_graph import PoseGraph
 def depth(graph: PoseGraph, leaf: int) -> int:
     """How many states iSAM2 eliminates again for a change of keyframe `leaf`: those on its way to the tree's root."""
     nothing = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    return int(graph._isam.update(*nothing, dissection([leaf], [])).getVariablesReeliminated())
+    return int(graph._isam.tree.update(*nothing, dissection([leaf], [])).getVariablesReeliminated())
 
 
 def driven(keyframes: int) -> PoseGraph:
@@ -34,7 +34,7 @@ def test_only_the_newest_blocks_are_eliminated_again() -> None:
 
 def test_the_estimate_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     balanced = driven(320)
-    monkeypatch.setattr(pose_graph, "blocks_ending_at", lambda _: [])
+    monkeypatch.setattr(isam, "blocks_ending_at", lambda _: [])
     deep = driven(320)
     np.testing.assert_allclose(balanced.poses(), deep.poses(), atol=1e-9)
     np.testing.assert_allclose(balanced.relative_covariance(3, 300), deep.relative_covariance(3, 300), rtol=1e-6)
