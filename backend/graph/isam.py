@@ -1,17 +1,19 @@
 """iSAM2 as the pose graph uses it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import gtsam
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.balance import blocks_ending_at, dissection
+from wayfi.backend.graph.balance import BLOCK, blocks_ending_at, dissection
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import Factor
 from wayfi.backend.graph.gtsam_factors import calibration_key, gtsam_factor, origin_factor, pose_key
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2
+
+REORDERED_SHARE = 0.65  # gtsam's own: where an update touches more of the states, it orders all of them anew
 
 
 class Isam:
@@ -27,6 +29,7 @@ class Isam:
         self._chain = chain
         self.indices: dict[int, int] = {}
         self.stretches, self.keyframes = 1, 0
+        self._reordered = False
         self.tree = gtsam.ISAM2(_params(config))
         self._linearization_point = self.tree.getLinearizationPoint()  # else gtsam copies it for every Python factor
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -44,11 +47,13 @@ class Isam:
 
         Raises RuntimeError where the equations cannot be solved.
         """
-        params = gtsam.ISAM2UpdateParams()
+        params, reordered = gtsam.ISAM2UpdateParams(), self._reordered
         params.removeFactorIndices = list(removed)
         self._update(factors, poses, self.calibration_values()[None], params)
-        if poses:
-            self._balance(gtsam.KeyList())
+        if reordered:
+            self._eliminate_again(range(self.keyframes), gtsam.KeyList())
+        elif poses:
+            self._eliminate_again(blocks_ending_at(self.keyframes - 1), gtsam.KeyList())
 
     def start(
         self, factors: Mapping[int, Factor], poses: Mapping[int, Pose2], calibrations: Floats, held: gtsam.KeyList
@@ -60,7 +65,7 @@ class Isam:
         params = gtsam.ISAM2UpdateParams()
         params.noRelinKeys = held
         self._update(factors, poses, calibrations, params)
-        self._balance(held)
+        self._eliminate_again(blocks_ending_at(self.keyframes - 1), held)
 
     def _update(
         self,
@@ -84,10 +89,13 @@ class Isam:
         result = self.tree.update(graph, values, params)
         self.indices.update(zip(factors, list(result.getNewFactorsIndices())[walks:], strict=False))
         self.keyframes += len(poses)
+        self._note_order(result)
 
     def relinearise(self) -> int:
         """Relinearise what has moved since; returns how many states had."""
-        return int(self.tree.update().getVariablesRelinearized())
+        result = self.tree.update()
+        self._note_order(result)
+        return int(result.getVariablesRelinearized())
 
     def poses(self) -> Floats:
         """(n, 3) estimated poses of all keyframes."""
@@ -107,13 +115,18 @@ class Isam:
         """(4, 4) marginal covariance of the calibration on the newest stretch."""
         return np.asarray(self.tree.marginalCovariance(calibration_key(self.stretches - 1)))
 
-    def _balance(self, held: gtsam.KeyList) -> None:
-        block = blocks_ending_at(self.keyframes - 1)
-        if block:
-            stretches = sorted({min(self._chain.stretch_of(k), self.stretches - 1) for k in block})
-            params = dissection(block, stretches)
+    def _note_order(self, result: gtsam.ISAM2Result) -> None:
+        """Note whether an update has left the tree deep, which the next one cures."""
+        touched = result.getVariablesReeliminated()
+        self._reordered = self.keyframes > 2 * BLOCK and touched > REORDERED_SHARE * self.keyframes
+
+    def _eliminate_again(self, keyframes: Sequence[int], held: gtsam.KeyList) -> None:
+        if keyframes:
+            stretches = sorted({min(self._chain.stretch_of(k), self.stretches - 1) for k in keyframes})
+            params = dissection(keyframes, stretches)
             params.noRelinKeys = held
             self.tree.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), params)
+            self._reordered = False
 
 
 def _params(config: BackendConfig) -> gtsam.ISAM2Params:
