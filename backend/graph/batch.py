@@ -28,6 +28,7 @@ def optimised(factors: Sequence[Factor], chain: CalibrationChain, calibrations: 
     graph.add(origin_factor())
     for keyframe, (x, y, theta) in enumerate(start):
         values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
+    yield len(start)
     for first in range(0, len(factors), SLICE):
         for factor in factors[first : first + SLICE]:
             stretch = chain.stretch(factor)

@@ -37,7 +37,7 @@ from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
 MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
 SURE_SIGMAS = 3  # a closure that is no further off than so many of its own sigmas is no surprise
-REBUILD_WORK = 2500  # of a rebuild in one update, counted in factors prepared: 40 ms
+REBUILD_WORK = 1500  # of a rebuild in one update, counted in factors prepared: 20 to 40 ms
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.closures.closure_config import ConsensusConfig
-from wayfi.frontends.closures.wifi_closer import WifiCloser
+from wayfi.frontends.closures.wifi_closer import JUDGED_AT_ONCE, WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
@@ -190,3 +190,21 @@ def test_sigma_follows_what_the_accepted_pairs_show() -> None:
     claimed = [math.sqrt(j.covariance[0, 0]) for j in verdicts(run)]
     assert claimed[0] == pytest.approx(SIGMA_M)
     assert claimed[-1] < 0.75 * SIGMA_M
+
+
+def test_a_review_judges_a_bounded_number_anew_and_goes_on_with_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = drive(3.0, radius_m=8.0, laser=False)
+    closing = closer(run)
+    for candidate in rounds(run):
+        closing.judge(candidate, 7, run.poses())
+    asked: list[int] = []
+    monkeypatch.setattr(WifiCloser, "_accept_if_likely", lambda _, claim, poses: asked.append(claim.number))  # noqa: ARG005
+    open_ones = len(verdicts(run)) - len(accepted(run))
+    assert open_ones > 3 * JUDGED_AT_ONCE
+    closing.review(run.poses())
+    assert len(asked) == JUDGED_AT_ONCE
+    while closing.go_on(run.poses()) or closing._to_judge:
+        pass
+    assert len(asked) == len(set(asked)) <= open_ones
+    closing.review(run.poses(), last=True)
+    assert not closing._to_judge
