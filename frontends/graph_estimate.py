@@ -18,7 +18,10 @@ RECENT_KEYFRAMES = 3  # read after a keyframe without a closure: its factors har
 
 
 class GraphEstimate:
-    """Poses of the keyframes, the wheels' calibration (4,), the newest pose's covariance (3, 3), and its health."""
+    """Poses of the keyframes, the wheels' calibration (4,), the newest pose's covariance (3, 3), and its health.
+
+    `moved`: poses of earlier keyframes have changed with the last update.
+    """
 
     def __init__(
         self, graph: PoseGraph, keyframes: Keyframes, calibration: Floats, config: BackendConfig, timer: Timer
@@ -28,6 +31,7 @@ class GraphEstimate:
         self.calibration = calibration
         self.covariance: Floats = ORIGIN_COVARIANCE
         self._health: Health | None = None
+        self.moved = False
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore from a checkpoint; the poses are read again, since the graph restarts from its estimate."""
@@ -51,17 +55,17 @@ class GraphEstimate:
         self.poses[-1] = guess.array()
 
     def update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
-        """Update the graph and read the estimate; `moved`: poses of earlier keyframes have changed."""
-        moved = moved or self._graph.pending
+        """Update the graph and read the estimate; `moved`: poses of earlier keyframes have changed before."""
         with self._timer("backend"):
             summary = self._graph.update()
-            if moved:
+            self.moved = moved or summary.moved
+            if self.moved:
                 self.poses[:] = self._graph.poses()
             else:
                 self._refresh_recent()
             self.calibration = self._graph.calibration_values()
         number = len(self._keyframes) - 1
-        poses = self.poses.copy() if moved else None
+        poses = self.poses.copy() if self.moved else None
         residual_m = self._step_residual_m()
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 

@@ -94,12 +94,10 @@ class SlamCore:
         if number:
             self._connect(point, tracked, number)
         self._append(point, placed, guess)
-        moved = self._graph.pending
         updated = self._estimate.update(point.stamp_ns)
         events = self._keyframe_events(number, tracked, updated)
         with self._timer("closure"):
-            if moved:
-                events += self._review()
+            events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
             events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
         return events + self._estimate.observe(point.stamp_ns, self.steps.doubt)
 
@@ -194,7 +192,7 @@ class SlamCore:
         for _ in range(SETTLING_REVIEWS):
             self._graph.settle()
             events += self._estimate.update(stamp_ns, moved=True)
-            reviewed = self._review()
+            reviewed = self._review(last=True)
             if not reviewed:
                 break
             events += reviewed
@@ -217,8 +215,8 @@ class SlamCore:
         events = [e for candidate in candidates for e in self._wifi_closer.judge(candidate, stamp_ns, self.poses)]
         return events + self._wifi_closer.decide(stamp_ns, self.poses, last)
 
-    def _review(self) -> list[Event]:
-        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses)
+    def _review(self, last: bool = False) -> list[Event]:
+        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses, last)
 
     def _start_tracking(self) -> None:
         self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
@@ -18,6 +19,7 @@ from wayfi.frontends.closures.closure_config import ConsensusConfig
 
 # Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
+FAR_CHI2 = 100.0  # of a pair: its likelihood by then is 1e-22, which no area makes count
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
 
 
@@ -96,18 +98,100 @@ def best_hypothesis(
     Steps whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not
     depend on the bias.
     """
-    by_wheels = np.isnan(matched[:, 0])
-    best: Hypothesis | None = None
-    for offset in np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps):
-        values = prior.values.copy()
-        values[2] += offset * prior.sigmas[2]
-        poses = chain(np.where(by_wheels[:, None], corrected_all(motions, values), matched))
-        evidence, explained = weigh(poses, pairs, config.drift)
-        evidence -= 0.5 * offset**2
-        if best is None or evidence > best.evidence:
-            best = Hypothesis(values, poses, evidence, explained)
-    assert best is not None
+    offsets = np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps)
+    biases = prior.values[2] + offsets * prior.sigmas[2]
+    evidence = _evidence(motions, matched, prior.values, biases, pairs, config.drift) - 0.5 * offsets**2
+    best = int(np.argmax(evidence))
+    values = prior.values.copy()
+    values[2] = biases[best]
+    by_wheels = np.isnan(matched[:, :1])
+    poses = chain(np.where(by_wheels, corrected_all(motions, values), matched))
+    return Hypothesis(values, poses, float(evidence[best]), weigh(poses, pairs, config.drift)[1])
+
+
+def _evidence(
+    motions: Floats, matched: Floats, calibration: Floats, biases: Floats, pairs: Pairs, drift: float
+) -> Floats:
+    """(k,) evidence as `weigh` gives it, of the dead reckoning with each of the `biases` (k,) in the calibration."""
+    variance = pairs.sigma_m**2 + (drift * pairs.path_m) ** 2
+    places = pairs.a, pairs.b, pairs.place_a, pairs.place_b
+    evidence: Floats = _evidence_of_all(motions, matched, calibration, biases, *places, variance, pairs.weight)
+    return evidence
+
+
+@njit(cache=True)
+def _evidence_of_all(
+    motions: Floats,
+    matched: Floats,
+    calibration: Floats,
+    biases: Floats,
+    a: NDArray[np.int64],
+    b: NDArray[np.int64],
+    place_a: Floats,
+    place_b: Floats,
+    variance: Floats,
+    weight: Floats,
+) -> Floats:
+    poses = np.zeros((len(motions) + 1, 3))
+    gains = np.zeros((len(biases), len(TRUE_SHARES)))
+    for i in range(len(biases)):
+        area, far = _reckon(poses, motions, matched, calibration, biases[i]), 0.0
+        for k in range(len(a)):
+            pose_a, pose_b = poses[a[k]], poses[b[k]]
+            ca, sa, cb, sb = math.cos(pose_a[2]), math.sin(pose_a[2]), math.cos(pose_b[2]), math.sin(pose_b[2])
+            dx = (
+                pose_b[0]
+                + cb * place_b[k, 0]
+                - sb * place_b[k, 1]
+                - pose_a[0]
+                - ca * place_a[k, 0]
+                + sa * place_a[k, 1]
+            )
+            dy = (
+                pose_b[1]
+                + sb * place_b[k, 0]
+                + cb * place_b[k, 1]
+                - pose_a[1]
+                - sa * place_a[k, 0]
+                - ca * place_a[k, 1]
+            )
+            chi2 = (dx * dx + dy * dy) / variance[k]
+            if chi2 > FAR_CHI2:
+                far += weight[k]
+                continue
+            ratio = area / (2 * math.pi * variance[k]) * math.exp(-0.5 * chi2)
+            for share in range(len(TRUE_SHARES)):
+                gains[i, share] += weight[k] * math.log1p(TRUE_SHARES[share] * (ratio - 1))
+        gains[i] += far * np.log1p(-TRUE_SHARES)
+    best = np.zeros(len(biases))
+    for i in range(len(biases)):
+        best[i] = gains[i].max()
     return best
+
+
+@njit(cache=True)
+def _reckon(poses: Floats, motions: Floats, matched: Floats, calibration: Floats, bias: float) -> float:
+    """Fill `poses` (n + 1, 3) by dead reckoning; returns their `driven_area`."""
+    scale, turn_scale, per_s = 1 + calibration[0], calibration[1], calibration[3]
+    x, y, heading = 0.0, 0.0, 0.0
+    sum_x, sum_y, sum_xx, sum_xy, sum_yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(motions)):
+        step_x, step_y, turn = matched[k, 0], matched[k, 1], matched[k, 2]
+        if math.isnan(step_x):
+            extra = turn_scale * motions[k, 2] + bias * motions[k, 3] + per_s * motions[k, 4]
+            c, s = math.cos(extra / 2) * scale, math.sin(extra / 2) * scale
+            step_x, step_y = c * motions[k, 0] - s * motions[k, 1], s * motions[k, 0] + c * motions[k, 1]
+            turn = motions[k, 2] + extra
+        c, s = math.cos(heading), math.sin(heading)
+        x, y, heading = x + c * step_x - s * step_y, y + s * step_x + c * step_y, heading + turn
+        poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = x, y, heading
+        sum_x, sum_y, sum_xx, sum_xy, sum_yy = sum_x + x, sum_y + y, sum_xx + x * x, sum_xy + x * y, sum_yy + y * y
+    n = len(motions) + 1.0
+    mean_x, mean_y = sum_x / n, sum_y / n
+    xx = (sum_xx / n - mean_x * mean_x) * n / (n - 1) + _CORRIDOR_M2
+    xy = (sum_xy / n - mean_x * mean_y) * n / (n - 1)
+    yy = (sum_yy / n - mean_y * mean_y) * n / (n - 1) + _CORRIDOR_M2
+    return 4 * math.pi * math.sqrt(xx * yy - xy * xy)
 
 
 def _placed(poses: Floats, places: Floats) -> Floats:

@@ -69,7 +69,11 @@ class LidarCloser:
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check the newest keyframe against the nearest earlier one that the estimate offers."""
         here = self._keyframes[keyframe]
-        if here.scan is None or here.point.path_m - self._last_check_m < self._closure.check_every_m:
+        if (
+            self._graph.restarts
+            or here.scan is None
+            or here.point.path_m - self._last_check_m < self._closure.check_every_m
+        ):
             return []
         keyframes = self._keyframes
         a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
@@ -82,9 +86,14 @@ class LidarCloser:
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
 
     def can_check(self, candidate: WifiCandidate) -> bool:
-        """Whether a WiFi candidate can be checked: its keyframes differ, and both have a scan."""
+        """Whether a WiFi candidate can be checked: its keyframes differ, both have a scan, and the estimate stays."""
         a, b = candidate.a.keyframe, candidate.b.keyframe
-        return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
+        return (
+            not self._graph.restarts
+            and a != b
+            and self._keyframes[a].scan is not None
+            and self._keyframes[b].scan is not None
+        )
 
     def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> CheckOutcome:
         """Check a WiFi candidate that `can_check` admits.
@@ -115,8 +124,10 @@ class LidarCloser:
         return self._walls.get((candidate.a.keyframe, candidate.b.keyframe))
 
     def review(self, poses: Floats) -> list[Event]:
-        """Remove those of the newest accepted closures that the estimate contradicts."""
+        """Remove those of the newest accepted closures that the estimate contradicts, unless it is being replaced."""
         events: list[Event] = []
+        if self._graph.restarts:
+            return events
         for number in sorted(self._accepted)[-self._closure.reviewed :]:
             judged = self._verdicts[number]
             T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))

@@ -32,6 +32,7 @@ from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
+JUDGED_AT_ONCE = 4  # claims, anew after the estimate has moved: each takes a covariance of 1 to 20 ms
 UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 
 
@@ -67,6 +68,7 @@ class WifiCloser:
         self._claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
         self._trial: _Trial | None = None
+        self._to_judge: list[Claim] = []
 
     def judge(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
         """The first verdict on a candidate, by the estimate of the keyframes' `poses` (n, 3)."""
@@ -105,21 +107,42 @@ class WifiCloser:
             if agrees and claim.factor is None
         ]
 
-    def review(self, poses: Floats) -> list[Event]:
-        """After the estimate has changed: remove what it contradicts, accept what it now makes likely."""
+    def review(self, poses: Floats, last: bool = False) -> list[Event]:
+        """After the estimate has changed: remove what it contradicts, and judge anew what it did not make likely.
+
+        `go_on` judges what is left, unless this is the `last` review.
+        """
         recent = self._claims.recent()
-        if not recent:
+        if not recent or self._graph.restarts:
             return []
         pairs = self._claims.pairs(recent)
         far = self._are_far(pairs, poses)
-        events: list[Event] = []
-        for claim, is_far in zip(recent, far, strict=True):
-            if claim.factor is not None and is_far:
-                events.append(self._remove(claim, "the estimate puts its places apart after all"))
-            elif claim.factor is None and not is_far and (judged := self._accept_if_likely(claim, poses)):
-                events.append(judged)
+        contradicted = [claim for claim, is_far in zip(recent, far, strict=True) if claim.factor is not None and is_far]
+        events: list[Event] = [
+            self._remove(claim, "the estimate puts its places apart after all") for claim in contradicted
+        ]
+        gone = {claim.number for claim in contradicted}
+        open_ones = {claim.number: claim for claim in recent if claim.factor is None and claim.number not in gone}
+        first = [claim for claim in self._to_judge if claim.number in open_ones]
+        waiting = {claim.number for claim in first}
+        self._to_judge = first + [claim for number, claim in open_ones.items() if number not in waiting]
+        events += self.go_on(poses, len(self._to_judge) if last else JUDGED_AT_ONCE)
         events += self._end_trial()
         self._claims.learn_sigma(pairs, poses)
+        return events
+
+    def go_on(self, poses: Floats, at_most: int = JUDGED_AT_ONCE) -> list[Event]:
+        """Judge anew the next of what `review` has left, and accept what is likely."""
+        events: list[Event] = []
+        if self._graph.restarts:
+            return events
+        judged = 0
+        while self._to_judge and judged < at_most:
+            claim = self._to_judge.pop(0)
+            if claim.factor is None and not self._are_far(self._claims.pairs([claim]), poses)[0]:
+                judged += 1
+                accepted = self._accept_if_likely(claim, poses)
+                events += [accepted] if accepted else []
         return events
 
     def withdraw_walls(self) -> None:

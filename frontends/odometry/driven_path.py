@@ -5,8 +5,11 @@ from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
@@ -89,6 +92,20 @@ class DrivenPath:
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
+
+    def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
+        """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
+        known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
+        path_m = np.array([point.path_m for point in self._points])
+        if len(known_ns) == 0:
+            return np.full(len(stamps_ns), np.nan)
+        after = np.searchsorted(known_ns, stamps_ns)
+        inside = (after < len(known_ns)) & (stamps_ns >= known_ns[0])
+        after = np.where(inside, after, 0)
+        before = np.maximum(after - 1, 0)
+        fraction = (stamps_ns - known_ns[before]) / np.maximum(known_ns[after] - known_ns[before], 1)
+        lengths: Floats = np.where(inside, path_m[before] + fraction * (path_m[after] - path_m[before]), np.nan)
+        return lengths
 
     def _has_restarted(self, T_odom_base: Pose2) -> bool:
         """Whether a pose is near the origin of the odometry, and the last one was not."""

@@ -7,9 +7,10 @@ import pytest
 from circles import PRIOR, Circles, S, drive
 
 from wayfi.backend.graph.factors import BetweenFactor, NearFactor
+from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.closures.closure_config import ConsensusConfig
-from wayfi.frontends.closures.wifi_closer import WifiCloser
+from wayfi.frontends.closures.wifi_closer import JUDGED_AT_ONCE, WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
@@ -22,6 +23,13 @@ def closer(run: Circles, config: ConsensusConfig | None = None, walls: BetweenFa
     return WifiCloser(
         run.graph, run.keyframes, run.verdicts, PRIOR, used, WifiConfig(), lambda _: None, lambda _: walls
     )
+
+
+def update(graph: PoseGraph) -> None:
+    """Update until no rebuild is under way."""
+    graph.update()
+    while graph.restarts:
+        graph.update()
 
 
 def verdicts(run: Circles) -> list[ClosureJudged]:
@@ -39,9 +47,9 @@ def close(run: Circles, closing: WifiCloser, candidates: list[WifiCandidate]) ->
     for candidate in candidates:
         events += closing.judge(candidate, 7, run.poses())
         events += closing.decide(7, run.poses())
-        run.graph.update()
+        update(run.graph)
         events += closing.review(run.poses())
-        run.graph.update()
+        update(run.graph)
     return events
 
 
@@ -67,7 +75,7 @@ def test_a_pair_that_the_estimate_makes_likely_is_believed_and_claims_no_heading
     closing = closer(run)
     for k in range(run.last - 1):  # the wheels are known to be right
         run.graph.add(BetweenFactor(k, k + 2, run.truth[k].between(run.truth[k + 2]), np.diag([1e-6, 1e-6, 1e-8])))
-    run.graph.update()
+    update(run.graph)
     a, b = 5, 5 + run.per_round
     at_a, at_b = Pose2(0.2, 0.1, 0.0), Pose2(-0.1, 0.3, 0.0)
     candidate = WifiCandidate(run.fingerprint(a, at_a), run.fingerprint(b, at_b), 0.7, SIGMA_M, True)
@@ -92,7 +100,7 @@ def test_one_pair_alone_is_not_believed_while_the_wheels_are_unknown() -> None:
     assert isinstance(verdict, ClosureJudged)
     assert verdict.verdict is Verdict.REFUSED
     assert closing.decide(0, before) == []
-    run.graph.update()
+    update(run.graph)
     np.testing.assert_array_equal(run.poses(), before)
 
 
@@ -129,7 +137,7 @@ def test_a_restart_is_asked_for_once() -> None:
         events += closing.decide(7, poses)
     assert sum(isinstance(event, Warned) for event in events) == 1
     for _ in range(2):
-        run.graph.update()
+        update(run.graph)
         closing.review(run.poses())
         closing.decide(7, run.poses())
     assert len(accepted(run)) > 0.8 * len(verdicts(run))
@@ -233,3 +241,21 @@ def test_the_laser_adds_to_an_accepted_pair_what_walls_tell_and_takes_it_back() 
     closing.withdraw_walls()
     assert walls not in run.graph.factors().values()
     assert added[0] in run.graph.factors().values()
+
+
+def test_a_review_judges_a_bounded_number_anew_and_goes_on_with_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = drive(3.0, radius_m=8.0, laser=False)
+    closing = closer(run)
+    for candidate in rounds(run):
+        closing.judge(candidate, 7, run.poses())
+    asked: list[int] = []
+    monkeypatch.setattr(WifiCloser, "_accept_if_likely", lambda _, claim, poses: asked.append(claim.number))  # noqa: ARG005
+    open_ones = len(verdicts(run)) - len(accepted(run))
+    assert open_ones > 3 * JUDGED_AT_ONCE
+    closing.review(run.poses())
+    assert len(asked) == JUDGED_AT_ONCE
+    while closing.go_on(run.poses()) or closing._to_judge:
+        pass
+    assert len(asked) == len(set(asked)) <= open_ones
+    closing.review(run.poses(), last=True)
+    assert not closing._to_judge

@@ -159,3 +159,14 @@ def test_what_a_restart_hides_depends_on_its_time_and_place(seconds: float, land
     assert not path.advance(round(seconds * S), Pose2(lands, 0.0, 0.0))
     assert path.latest is not None
     assert path.latest.discontinuities == unknown
+
+
+def test_lengths_of_many_moments_are_those_of_each() -> None:
+    path = DrivenPath(CONFIG)
+    for k in range(50):
+        path.advance(1_000 + 100_000_007 * k, Pose2(0.01 * k * k, 0.0, 0.0))
+    stamps_ns = np.concatenate([np.arange(0, 5_200_000_000, 33_333_333), [1_000, 1_000 + 49 * 100_000_007]])
+    points = [path.at(int(stamp_ns)) for stamp_ns in stamps_ns]
+    expected = [point.path_m if point else math.nan for point in points]
+    assert 0 < np.isnan(expected).sum() < len(expected) / 2
+    np.testing.assert_array_equal(path.lengths_at(stamps_ns), expected)
