@@ -28,6 +28,7 @@ check: $(VENV)/installed
 
 bench: $(VENV)/compiled
 	$(BIN)/python tests/benchmarks/run.py
+	$(BIN)/python tests/benchmarks/speed.py
 
 $(VENV)/locked: requirements.lock
 	$(PYTHON) -m venv $(VENV)

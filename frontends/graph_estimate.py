@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.health import Health, State, judge_health
+from wayfi.backend.graph.health import Health, State, judge_health, worse
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import CalibrationUpdated, Event, GraphUpdated, StateChanged
@@ -18,7 +18,10 @@ RECENT_KEYFRAMES = 3  # read after a keyframe without a closure: its factors har
 
 
 class GraphEstimate:
-    """Poses of the keyframes, the wheels' calibration (4,), the newest pose's covariance (3, 3), and its health."""
+    """Poses of the keyframes, the wheels' calibration (4,), the newest pose's covariance (3, 3), and its health.
+
+    `moved`: poses of earlier keyframes have changed with the last update.
+    """
 
     def __init__(
         self, graph: PoseGraph, keyframes: Keyframes, calibration: Floats, config: BackendConfig, timer: Timer
@@ -28,6 +31,7 @@ class GraphEstimate:
         self.calibration = calibration
         self.covariance: Floats = ORIGIN_COVARIANCE
         self._health: Health | None = None
+        self.moved = False
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore from a checkpoint; the poses are read again, since the graph restarts from its estimate."""
@@ -41,7 +45,7 @@ class GraphEstimate:
 
     @property
     def state(self) -> State:
-        """TRACKING, UNCERTAIN or LOST, by the newest pose's covariance."""
+        """TRACKING, UNCERTAIN or LOST, as last observed."""
         return self._health.state if self._health else State.TRACKING
 
     def append(self, guess: Pose2) -> None:
@@ -51,22 +55,22 @@ class GraphEstimate:
         self.poses[-1] = guess.array()
 
     def update(self, stamp_ns: int, moved: bool = False) -> list[Event]:
-        """Update the graph and read the estimate; `moved`: poses of earlier keyframes have changed."""
-        moved = moved or self._graph.pending
+        """Update the graph and read the estimate; `moved`: poses of earlier keyframes have changed before."""
         with self._timer("backend"):
             summary = self._graph.update()
-            if moved:
+            self.moved = moved or summary.moved
+            if self.moved:
                 self.poses[:] = self._graph.poses()
             else:
                 self._refresh_recent()
             self.calibration = self._graph.calibration_values()
         number = len(self._keyframes) - 1
-        poses = self.poses.copy() if moved else None
+        poses = self.poses.copy() if self.moved else None
         residual_m = self._step_residual_m()
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 
-    def observe(self, stamp_ns: int) -> list[Event]:
-        """Read the newest pose's covariance; returns a change of its health, and now and then the calibration."""
+    def observe(self, stamp_ns: int, doubt: Health | None = None) -> list[Event]:
+        """Read the newest pose's covariance; returns a change of health (see `judge`), now and then the calibration."""
         events: list[Event] = []
         number = len(self._keyframes) - 1
         with self._timer("backend"):
@@ -74,11 +78,14 @@ class GraphEstimate:
             if number % CALIBRATION_EVERY == 0:
                 calibration = self._graph.calibration()
                 events.append(CalibrationUpdated(stamp_ns, calibration.values, calibration.sigmas))
-        health = judge_health(self.covariance, self._config.uncertain_sigma_m, self._config.lost_sigma_m)
-        if self._health is None or health.state is not self._health.state:
-            events.append(StateChanged(stamp_ns, health.state, health.reason))
+        return events + self.judge(stamp_ns, doubt)
+
+    def judge(self, stamp_ns: int, doubt: Health | None) -> list[Event]:
+        """Update the health: the worse one of the covariance's, as last read, and `doubt`; returns its change."""
+        health = worse(doubt, judge_health(self.covariance, self._config.uncertain_sigma_m, self._config.lost_sigma_m))
+        changed = self._health is None or health.state is not self._health.state
         self._health = health
-        return events
+        return [StateChanged(stamp_ns, health.state, health.reason)] if changed else []
 
     def _refresh_recent(self) -> None:
         n = len(self._keyframes)

@@ -1,5 +1,6 @@
 """The keyframes: when one is due, where each stands on the driven path, and the scan it holds."""
 
+from bisect import bisect_right
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,8 @@ class Keyframes:
         self._keyframes: list[Keyframe] = []
         self._paths = np.empty(64)
         self._has_scan = np.zeros(64, np.bool_)
+        self._pieces = [0]
+        self._unknown_m = 0.0
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -44,14 +47,26 @@ class Keyframes:
         if len(self) == len(self._paths):
             self._paths = np.resize(self._paths, 2 * len(self._paths))
             self._has_scan = np.resize(self._has_scan, len(self._paths))
-        self._paths[len(self)] = keyframe.point.path_m
+        self._paths[len(self)] = keyframe.point.path_m + self._unknown_m
         self._has_scan[len(self)] = keyframe.scan is not None
         self._keyframes.append(keyframe)
 
+    def begin_piece(self, path_m: float) -> None:
+        """The robot was moved by an unknown way to the next keyframe, which counts as `path_m` more of path."""
+        self._pieces.append(len(self))
+        self._unknown_m += path_m
+
+    def piece(self, number: int) -> tuple[int, int]:
+        """First and last (excluded) of the keyframes around `number` whose relative poses are known."""
+        following = bisect_right(self._pieces, number)
+        last = self._pieces[following] if following < len(self._pieces) else len(self)
+        return self._pieces[following - 1], last
+
     def move(self, number: int, point: PathPoint) -> None:
         """Give keyframe `number` another place on the driven path."""
+        before_m = self[number].point.path_m
         self._keyframes[number] = replace(self[number], point=point)
-        self._paths[number] = point.path_m
+        self._paths[number] += point.path_m - before_m
 
     def forget_scans(self) -> None:
         """Remove the scans of all keyframes."""
@@ -67,7 +82,7 @@ class Keyframes:
 
     @property
     def paths_m(self) -> Floats:
-        """(n,) the path driven up to each keyframe."""
+        """(n,) the path up to each keyframe, m: driven, and what `begin_piece` adds to it."""
         return self._paths[: len(self)]
 
     @property

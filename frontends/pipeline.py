@@ -11,6 +11,7 @@ from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake, sensor_of
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
+from wayfi.frontends.lidar.doubt import stands
 from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
@@ -28,6 +29,7 @@ from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.odometry_config import calibration_prior
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer, untimed
@@ -50,6 +52,7 @@ class Pipeline:
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._laser_leads: LaserLead | None = None
         self._last_scan_path_m = -np.inf
+        self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
         self._estimated = (0, 0)
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
@@ -122,6 +125,7 @@ class Pipeline:
         point = accepted.point
         assert point is not None
         if not accepted.plausible:
+            self._slam.steps.leapt(self._path.leapt_m)
             yield Warned(point.stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
         if not self._slam.has_keyframes:
             yield from self._slam.add_keyframe(point, None)
@@ -186,14 +190,32 @@ class Pipeline:
             first = self._last_scan_path_m == -np.inf
             self._last_scan_path_m = point.path_m
             motion = self._slam.motion_to(point)
-            due = keyframe_due(motion, self._config.odometry, self._slam.keyframe_factor())
-            if motion.seconds < 0 or not (first or due):
+            due = keyframe_due(motion, self._config.odometry, self._slam.steps.keyframe_factor())
+            if motion.seconds < 0:
                 continue
-            yield from self._scans.mounts.warn_of_unknown(scan)
-            with self._timer("scan_points"):
-                placed = self._scans.place(point, scan, self._path)
-            yield from self._slam.add_keyframe(point, placed)
-            yield from self._correct_stamps(point.stamp_ns)
+            if first or due:
+                yield from self._scans.mounts.warn_of_unknown(scan)
+                self._seen = point
+                yield from self._slam.add_keyframe(point, self._place(point, scan))
+                yield from self._correct_stamps(point.stamp_ns)
+            else:
+                yield from self._look(point, scan)
+
+    def _look(self, point: PathPoint, scan: Sweep) -> Iterator[Event]:
+        """Now and then compare a scan while the wheels stand still: the robot may move all the same."""
+        stood = self._stood.motion_to(point)
+        if not stands(stood.pose):
+            self._stood = point
+        elif stood.seconds >= self._config.lidar.doubt.look_s and isinstance(scan, LaserScan):
+            if self._seen.motion_to(point).seconds < self._slam.steps.look_due_s():
+                return
+            self._seen = point
+            placed = self._place(point, scan)
+            yield from self._slam.look(point, placed) if placed else ()
+
+    def _place(self, point: PathPoint, scan: Sweep) -> PlacedScan | None:
+        with self._timer("scan_points"):
+            return self._scans.place(point, scan, self._path)
 
     def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
         """Correct the laser's stamps where its clock is not the odometry's, or its driver stamps late."""

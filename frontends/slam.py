@@ -1,6 +1,5 @@
 """Keyframes, fingerprints and closures become one graph, and the graph one estimate of the drive."""
 
-import math
 from copy import deepcopy
 from itertools import pairwise
 
@@ -18,12 +17,12 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_closer import WifiCloser
-from wayfi.frontends.cloud.cloud_odometry import CloudOdometry
 from wayfi.frontends.events import Event, FingerprintAdded, GridRedrawn, KeyframeAdded, SubmapMatched
 from wayfi.frontends.graph_estimate import GraphEstimate
 from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.laser_clock import LaserClock
-from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
+from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
@@ -31,6 +30,7 @@ from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan, ScanPoints
 from wayfi.frontends.slam_config import SlamConfig
+from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprint_index import Similar
 from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
@@ -58,7 +58,7 @@ class SlamCore:
         self._lidar_closer = LidarCloser(self._graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
         self._wifi_closer = WifiCloser(
             self._graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi,
-            self._wifi.confirm,
+            self._wifi.confirm, self._lidar_closer.walls,
         )  # fmt: skip
 
     @property
@@ -75,30 +75,33 @@ class SlamCore:
         """The wheels' motion from the newest keyframe to `point`."""
         return self.keyframes.newest.point.motion_to(point)
 
-    def keyframe_factor(self) -> float:
-        """A factor on the distance between keyframes, below 1 where scan matching finds the wheels poor."""
-        return max(self._config.odometry.keyframe_min_factor, 1.0 / math.sqrt(self._tracker.covariance_scale))
-
     def anchor(self) -> Anchor:
         """The newest keyframe as the anchor of poses since then."""
         estimate, point = self._estimate, self.keyframes.newest.point
-        scale = self._tracker.covariance_scale
+        scale = self.steps.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
+
+    def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
+        """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
+        with self._timer("scan_matching"):
+            moved = self.steps.look(placed, self.motion_to(point), self._step(point), self.poses)
+        return self.add_keyframe(point, placed) if moved else self._estimate.judge(point.stamp_ns, self.steps.doubt)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """Add a keyframe at `point`, with its scan if there is one, and close loops from it."""
-        guess = self._guess(point) if self.has_keyframes else Pose2()
-        number = self._graph.add_keyframe(guess)
-        tracked = self._connect(point, placed, number) if number else None
+        number = len(self.keyframes)
+        tracked = self._track(point, placed, number) if number and placed else None
+        guess = Pose2.of(self.poses[-1]) @ self.steps.first_guess(self._step(point), tracked) if number else Pose2()
+        self._graph.add_keyframe(guess)
+        if number:
+            self._connect(point, tracked, number)
         self._append(point, placed, guess)
-        moved = self._graph.pending
         updated = self._estimate.update(point.stamp_ns)
         events = self._keyframe_events(number, tracked, updated)
         with self._timer("closure"):
-            if moved:
-                events += self._review()
+            events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
             events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
-        return events + self._estimate.observe(point.stamp_ns)
+        return events + self._estimate.observe(point.stamp_ns, self.steps.doubt)
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own; close loops by the fingerprint that it completes."""
@@ -156,6 +159,7 @@ class SlamCore:
         self._grid = GridMap(self._config.map)
         for _ in range(len(self.keyframes)):
             self._grid.add(NO_HITS)
+        self._wifi_closer.withdraw_walls()
         return self._lidar_closer.withdraw(reason)
 
     def history(self, stamp_ns: int) -> list[Event]:
@@ -190,7 +194,7 @@ class SlamCore:
         for _ in range(SETTLING_REVIEWS):
             self._graph.settle()
             events += self._estimate.update(stamp_ns, moved=True)
-            reviewed = self._review()
+            reviewed = self._review(last=True)
             if not reviewed:
                 break
             events += reviewed
@@ -213,48 +217,36 @@ class SlamCore:
         events = [e for candidate in candidates for e in self._wifi_closer.judge(candidate, stamp_ns, self.poses)]
         return events + self._wifi_closer.decide(stamp_ns, self.poses, last)
 
-    def _review(self) -> list[Event]:
-        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses)
+    def _review(self, last: bool = False) -> list[Event]:
+        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses, last)
 
     def _start_tracking(self) -> None:
-        self._tracker = ScanTracker(self.keyframes, self._config.lidar, self._config.odometry)
-        self._clouds = CloudOdometry(self._config.lidar)
+        self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)
         self._laser_clock = LaserClock(self._config.lidar.clock)
         self._matches: list[int] = []
 
-    def _guess(self, point: PathPoint) -> Pose2:
-        return Pose2.of(self.poses[-1]) @ self.motion_to(point).corrected(self._estimate.calibration)
+    def _step(self, point: PathPoint) -> Pose2:
+        """The step from the newest keyframe by the calibrated wheels."""
+        return self.motion_to(point).corrected(self._estimate.calibration)
 
-    def _connect(self, point: PathPoint, placed: PlacedScan | None, number: int) -> KeyframeMatch | None:
+    def _track(self, point: PathPoint, placed: PlacedScan, number: int) -> KeyframeMatch | None:
+        with self._timer("scan_matching"):
+            return self.steps.match(placed, self.motion_to(point), self._step(point), number, self.poses)
+
+    def _connect(self, point: PathPoint, tracked: KeyframeMatch | None, number: int) -> None:
         """Add the factors from the newest keyframe to number `number`: the wheels', and the laser's if it matches."""
         motion = self.motion_to(point)
-        tracked = None
-        if placed is not None:
-            with self._timer("scan_matching"):
-                tracked = self._track(placed, motion, number)
-        covariance = self._tracker.wheel_covariance(motion)
-        matched = tracked is not None and self._is_match(tracked)
+        covariance = self.steps.wheel_covariance(motion, tracked)
+        matched = tracked is not None and self.steps.accepts(tracked)
         alone = not (matched or self._matches)
         self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone))
+        if tracked and tracked.judged.finding is Finding.MISFIT:
+            self.keyframes.begin_piece(self._config.closure.min_path_m)
         if tracked and matched:
             self._axes.interrupt()
             self._add_match(tracked, point, number)
         else:
             self._axes.follow(number, motion, covariance[2, 2], self.poses)
-        return tracked
-
-    def _track(self, placed: PlacedScan, motion: WheelMotion, number: int) -> KeyframeMatch | None:
-        """Match a keyframe's cloud by KISS-ICP where there is one that it can place, else its scan."""
-        guess = motion.corrected(self._estimate.calibration)
-        if placed.band is not None:
-            tracked = self._clouds.match(placed.band, number, guess, self._tracker.wheel_covariance(motion))
-            if tracked and self._is_match(tracked):
-                self._tracker.update_scale(motion, guess, tracked.match)
-                return tracked
-        return self._tracker.match(placed.points, motion, guess, self.poses)
-
-    def _is_match(self, tracked: KeyframeMatch) -> bool:
-        return tracked.match.inlier_ratio >= self._config.lidar.min_inlier_ratio
 
     def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> None:
         match, before = tracked.match, self.keyframes[number - 1]

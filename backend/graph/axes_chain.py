@@ -8,7 +8,7 @@ import numpy as np
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.factors import AxisFactor, Factor
 from wayfi.backend.graph.gtsam_factors import axes_key, axes_prior, axes_walk
-from wayfi.backend.pose2 import Pose2, wrap
+from wayfi.backend.pose2 import wrap
 
 _ANY_RAD = 10.0  # sigma of the direction of a new wing: as good as unknown
 
@@ -21,46 +21,60 @@ class AxesChain:
 
     def __init__(self, config: BackendConfig) -> None:
         self._config = config
-        self._states: dict[tuple[int, int], int] = {}
+        self._numbers: dict[tuple[int, int], int] = {}
+        self._of_keyframe: dict[int, int] = {}
         self._wings: list[int] = []
-        self._present, self._newest = 0, 0.0
+
+    @property
+    def states(self) -> int:
+        """How many there are."""
+        return len(self._wings)
 
     def add(self, factor: AxisFactor, stretch: int) -> None:
         """Take note of a new factor, whose keyframe is on `stretch` of the wheels' calibration."""
         block = (factor.wing, stretch // self._config.axes_stretches)
-        if block not in self._states:
-            self._states[block] = len(self._wings)
+        if block not in self._numbers:
+            self._numbers[block] = len(self._wings)
             self._wings.append(factor.wing)
+        self._of_keyframe[factor.b] = self._numbers[block]
 
-    def reset(self) -> None:
-        """Forget which states a solver has: a new one begins."""
+    def state(self, factor: Factor) -> int:
+        """The number of the state of a factor; 0 for one that has none."""
+        return self._of_keyframe[factor.b] if isinstance(factor, AxisFactor) else 0
+
+    def states_of(self, keyframes: Iterable[int]) -> set[int]:
+        """The states of the factors that these keyframes have."""
+        return {self._of_keyframe[k] for k in keyframes if k in self._of_keyframe}
+
+    def begins(self, state: int, direction: float) -> gtsam.NonlinearFactor:
+        """The walk from the state before, or the prior, around `direction` (rad), of the first of a wing."""
+        continues = state > 0 and self._wings[state - 1] == self._wings[state]
+        return axes_walk(state, self._config.walk_axes_rad) if continues else axes_prior(state, direction, _ANY_RAD)
+
+
+class AxesStates:
+    """The states that one solver has of the chain."""
+
+    def __init__(self, chain: AxesChain) -> None:
+        self._chain = chain
         self._present, self._newest = 0, 0.0
 
-    def state(self, factor: Factor, stretch: int) -> int:
-        """The number of the state of a factor; 0 for one that has none."""
-        if not isinstance(factor, AxisFactor):
-            return 0
-        return self._states[factor.wing, stretch // self._config.axes_stretches]
+    def of(self, keyframes: Iterable[int]) -> list[int]:
+        """The states that the solver has of those of these keyframes."""
+        return sorted(state for state in self._chain.states_of(keyframes) if state < self._present)
 
-    def add_states(
+    def add(
         self,
-        factors: Iterable[tuple[Factor, int]],
-        pose: Callable[[int], Pose2],
+        factors: Iterable[Factor],
+        heading: Callable[[int], float],
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
     ) -> None:
-        """Add the states that `factors`, each with its stretch, need anew, and the walk to each.
-
-        A new wing's direction begins as the `pose` of a keyframe says.
-        """
-        for factor, stretch in factors:
-            while isinstance(factor, AxisFactor) and self._present <= self.state(factor, stretch):
-                turn = wrap(pose(factor.b).theta - factor.turned - self._newest)
+        """Add the states that `factors` need anew, each near what the `heading` (rad) of a keyframe says."""
+        for factor in factors:
+            while isinstance(factor, AxisFactor) and self._present <= self._chain.state(factor):
+                turn = wrap(heading(factor.b) - factor.turned - self._newest)
                 self._newest += turn  # of directions that are whole turns apart, the one near the state before
-                self._add_state(self._present, self._newest, graph, values)
+                values.insert(axes_key(self._present), np.array([self._newest]))
+                graph.add(self._chain.begins(self._present, self._newest))
                 self._present += 1
-
-    def _add_state(self, state: int, guess: float, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-        values.insert(axes_key(state), np.array([guess]))
-        continues = state > 0 and self._wings[state - 1] == self._wings[state]
-        graph.add(axes_walk(state, self._config.walk_axes_rad) if continues else axes_prior(state, guess, _ANY_RAD))

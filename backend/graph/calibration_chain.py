@@ -33,7 +33,11 @@ class CalibrationChain:
 
     def stretch(self, factor: Factor) -> int:
         """The stretch that a factor's later keyframe is on."""
-        return int(self._path_m[factor.b] / self._config.stretch_m)
+        return self.stretch_of(factor.b)
+
+    def stretch_of(self, keyframe: int) -> int:
+        """The stretch that a keyframe is on."""
+        return int(self._path_m[keyframe] / self._config.stretch_m)
 
     def on_every_stretch(self, calibration: Floats, factors: Iterable[Factor]) -> Floats:
         """(k, 4) for all stretches of `factors`, from one calibration (4,) or those of the first stretches (j, 4)."""

@@ -1,4 +1,4 @@
-"""The state of the estimate: how far the pose can be trusted, by its covariance."""
+"""The state of the estimate: how far the pose can be trusted."""
 
 import math
 from dataclasses import dataclass
@@ -23,6 +23,14 @@ class Health:
 
     state: State
     reason: str
+
+
+SEVERITY = {State.TRACKING: 0, State.UNCERTAIN: 1, State.LOST: 2}
+
+
+def worse(one: Health | None, other: Health) -> Health:
+    """The worse of two; the first where they are alike."""
+    return one if one and SEVERITY[one.state] >= SEVERITY[other.state] else other
 
 
 def position_sigma(covariance: Floats) -> float:

@@ -4,20 +4,21 @@ The calibration is a chain of states along the path, because wheels change; one 
 also make each update visit the whole graph.
 
 gtsam's update keeps a bad factor after it has raised an error. So every factor is validated before it enters iSAM2, and
-the graph can be rebuilt at any time from the factors that are kept here.
+the graph can be rebuilt at any time from the factors that are kept here. A rebuild of a large graph takes several
+updates, so that none takes long; until it is done, the estimate stays as it was and loop closures wait.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.axes_chain import AxesChain
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.batch import of_gtsam, optimised
+from wayfi.backend.graph.batch import of_gtsam
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import (
     AxisFactor,
@@ -29,21 +30,24 @@ from wayfi.backend.graph.factors import (
     surprise_m,
     validate,
 )
-from wayfi.backend.graph.gtsam_factors import calibration_key, gtsam_factor, origin_factor, pose_key
-from wayfi.backend.graph.isam import new_isam
+from wayfi.backend.graph.gtsam_factors import pose_key
+from wayfi.backend.graph.isam import Isam
+from wayfi.backend.graph.rebuild import Rebuild, continued
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
 MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
+REBUILD_WORK = 1500  # of a rebuild in one update, counted in factors prepared: 20 to 40 ms
 
 
 @dataclass(frozen=True, slots=True)
 class UpdateSummary:
-    """How many factors one update added and removed, and how many the graph holds after it."""
+    """How many factors one update added and removed, how many the graph holds, whether earlier poses may have moved."""
 
     added: int
     removed: int
     factors: int
+    moved: bool = False
 
 
 class PoseGraph:
@@ -56,26 +60,26 @@ class PoseGraph:
         self._config = config
         self._prior = prior
         self._factors: dict[int, Factor] = {}
-        self._isam_indices: dict[int, int] = {}
         self._next = 0
         self._queued: list[int] = []
         self._queued_poses: dict[int, Pose2] = {}
         self._removed: list[int] = []
         self._requested_start: tuple[Floats, Floats] | None = None
+        self._rebuilding: Rebuild | None = None
+        self._counted = 0
         self.keyframes = 0
         self._cached_poses: Floats = np.zeros((1, 3))
         self._cache_stale = False
-        self._first_guesses: list[Pose2] = []
+        self._steps: list[Pose2] = []
         self._chain, self._axes = CalibrationChain(config), AxesChain(config)
-        self._stretches = 1
-        self._reset_isam(self._prior.values)
+        self._isam = self._new_isam(prior.values)
 
     def add_keyframe(self, guess: Pose2) -> int:
         """Add a keyframe with first guess `guess` in `map`; returns its number. Raises FactorError if not finite."""
         if not guess.is_finite():
             raise FactorError(f"the first guess of keyframe {self.keyframes} is not finite: {guess}")
+        self._steps.append(self.pose(self.keyframes - 1).between(guess) if self.keyframes else guess)
         self._queued_poses[self.keyframes] = guess
-        self._first_guesses.append(guess)
         self._chain.add_keyframe()
         self.keyframes += 1
         return self.keyframes - 1
@@ -98,50 +102,52 @@ class PoseGraph:
         if number in self._queued:
             self._queued.remove(number)
         else:
-            self._removed.append(self._isam_indices.pop(number))
+            self._removed.append(self._isam.indices.pop(number))
 
-    def update(self) -> UpdateSummary:
+    def update(self, work: float = REBUILD_WORK) -> UpdateSummary:
         """Bring the estimate up to date with everything queued.
 
-        iSAM2 takes Gauss-Newton steps, which diverge when a closure is far off: then the graph is rebuilt.
+        iSAM2 takes Gauss-Newton steps, which diverge when a closure is far off: then the graph is rebuilt, with no more
+        than `work` in this update.
         """
-        summary, moves = UpdateSummary(len(self._queued), len(self._removed), len(self._factors)), self.pending
+        added, removed = sum(number >= self._counted for number in self._queued), len(self._removed)
+        moves, self._counted = self.pending, self._next
         if self._requested_start is not None:
-            calibration, poses = self._requested_start
-            self._rebuild(calibration, self._with_new_keyframes(poses))
-            return summary
-        new = (self._factors[number] for number in self._queued)
-        if max((surprise_m(f, self.pose(f.a), self.pose(f.b)) for f in new), default=0.0) > self._config.leap_m:
-            self._rebuild(self.calibrations(), self._with_new_keyframes(self._estimated_poses()))
-            return summary
+            self._begin_rebuild(*self._requested_start)
+        elif self._rebuilding is None and self._is_surprised():
+            self._begin_rebuild(self.calibrations(), self._isam.poses())
+        rebuilt = self._go_on_rebuilding(work)
         try:
-            self._update_isam()
+            self._take_queued()
         except RuntimeError:
-            self._rebuild(self._prior.values, self._with_new_keyframes(self._cached_poses))
-            return summary
-        self._cache_stale = self._cache_stale or moves
-        return summary
+            self._begin_rebuild(self._prior.values, self._cached_poses)
+            rebuilt = self._go_on_rebuilding(math.inf)
+            self._take_queued()
+        moved = rebuilt or (moves and self._rebuilding is None) or removed > 0
+        self._cache_stale = self._cache_stale or moved
+        return UpdateSummary(added, removed, len(self._factors), moved)
 
     def settle(self) -> None:
         """Update, and then `settle_updates` times more, which relinearises what the last closures moved."""
-        self.update()
+        self.update(work=math.inf)
         try:
             for _ in range(self._config.settle_updates):
-                self._isam.update()
-            self._cache_stale = True
+                self._isam.relinearise()
         except RuntimeError:
-            self._rebuild(self._prior.values, self._cached_poses)
+            self._begin_rebuild(self._prior.values, self._cached_poses)
+            self._go_on_rebuilding(math.inf)
+        self._cache_stale = True
 
     @property
     def pending(self) -> bool:
         """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
-        changes = bool(self._removed) or self._requested_start is not None
+        changes = bool(self._removed) or self.restarts
         return changes or any(moves_earlier(self._factors[n]) for n in self._queued)
 
     @property
     def restarts(self) -> bool:
-        """Whether `restart` was called since the last update: the present estimate is about to be replaced."""
-        return self._requested_start is not None
+        """Whether a rebuild was asked for or is under way: the present estimate is about to be replaced."""
+        return self._requested_start is not None or self._rebuilding is not None
 
     def restart(self, calibration: Floats, poses: Floats) -> None:
         """With the next update, optimise the whole graph from `poses` (n, 3) and `calibration` (4,) or (k, 4).
@@ -158,112 +164,107 @@ class PoseGraph:
             assert isinstance(factor, WheelFactor)
             self._factors[number] = replace(factor, motion=motion)
             self._chain.add(self._factors[number])
-        self._requested_start = (self.calibrations(), self.poses())
+        under_way = self._rebuilding.start if self._rebuilding else None
+        self._requested_start = self._requested_start or under_way or (self.calibrations(), self.poses())
 
     def __getstate__(self) -> dict[str, Any]:
         """The state with the estimate in place of iSAM2, which cannot be pickled. No keyframe may be queued."""
         assert not self._queued_poses
-        state = {name: value for name, value in vars(self).items() if name not in ("_isam", "_linearization_point")}
+        state = {name: value for name, value in vars(self).items() if name not in ("_isam", "_rebuilding")}
+        if self._rebuilding:
+            state["_requested_start"] = self._rebuilding.start
         return state | {"estimate": (self.calibrations(), self.poses()) if self.keyframes else None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Start iSAM2 again from the estimate; what was queued stays queued."""
         estimate = state.pop("estimate")
         vars(self).update(state)
-        self._reset_isam(self._prior.values)
+        self._isam, self._rebuilding = self._new_isam(self._prior.values), None
         if estimate is None:
             return
-        queued, removed, restart = self._queued, self._removed, self._requested_start
+        removed, restart = self._removed, self._requested_start
         calibration, poses = estimate
-        self._rebuild(calibration, poses, [number for number in self._factors if number not in queued])
-        self._queued = queued
+        self._begin_rebuild(calibration, poses, left_out=self._queued)
+        self._go_on_rebuilding(math.inf)
         self._requested_start = restart or (estimate if removed else None)
 
-    def _rebuild(self, calibration: Floats, poses: Floats, numbers: Iterable[int] | None = None) -> None:
-        """Optimise all keyframes from `poses` (n, 3) by Levenberg-Marquardt; iSAM2 starts again from the result.
+    def _begin_rebuild(self, calibration: Floats, poses: Floats, left_out: Iterable[int] = ()) -> None:
+        """Begin to optimise all keyframes from `poses` (n, 3) and `calibration`, by the factors not `left_out`.
 
-        `calibration` (4,), or (k, 4) with one a stretch, is held fixed meanwhile. The factors are those of `numbers`,
-        or all.
+        `calibration` (4,), or (k, 4) with one a stretch, is held fixed until iSAM2 starts again from the result.
         """
-        calibrations = self._chain.on_every_stretch(calibration, self._factors.values())
-        numbers = list(self._factors if numbers is None else numbers)
-        solved = optimised([self._factors[n] for n in numbers], self._chain, self._axes, calibrations, poses)
-        self._reset_isam(calibrations[0])
-        self._queued = list(numbers)
-        self._isam_indices, self._removed, self._requested_start = {}, [], None
-        self._queued_poses = dict(enumerate(solved))
-        self._update_isam(calibrations)
-        for _ in range(self._config.settle_updates):
-            self._isam.update()
-        self._cached_poses, self._cache_stale = self._estimated_poses(), False
+        factors = {number: factor for number, factor in self._factors.items() if number not in left_out}
+        start = self._chain.on_every_stretch(calibration, factors.values()), continued(poses, self._steps)
+        isam = self._new_isam(start[0][0])
+        self._rebuilding = Rebuild(factors, (self._chain, self._axes), start, isam, self._config.settle_updates)
+        self._requested_start = None
 
-    def _update_isam(self, calibrations: Floats | None = None) -> None:
-        """Hand everything queued to iSAM2; new stretches begin at `calibrations` (k, 4), or as the newest one is."""
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        last = max((self._chain.stretch(self._factors[n]) for n in self._queued), default=0)
-        if last >= self._stretches:
-            known = self.calibrations() if calibrations is None else calibrations
-            self._chain.add_states(range(self._stretches, last + 1), known, graph, values)
-            self._stretches = last + 1
-        queued = [(self._factors[number], self._chain.stretch(self._factors[number])) for number in self._queued]
-        self._axes.add_states(queued, self.pose, graph, values)
-        walks = graph.size()
-        for factor, stretch in queued:
-            graph.add(gtsam_factor(factor, stretch, self._axes.state(factor, stretch)))
-        for keyframe, guess in self._queued_poses.items():
-            values.insert(pose_key(keyframe), gtsam.Pose2(guess.x, guess.y, guess.theta))
-            if keyframe == 0:
-                graph.add(origin_factor())
-        result = self._isam.update(graph, values, self._removed)
-        self._isam_indices.update(zip(self._queued, list(result.getNewFactorsIndices())[walks:], strict=False))
-        self._queued, self._queued_poses, self._removed = [], {}, []
+    def _go_on_rebuilding(self, work: float) -> bool:
+        """Do `work` of a rebuild, if one is under way; adopts its result and returns True if that has completed it."""
+        if self._rebuilding is None:
+            return False
+        self._rebuilding.go_on(work)
+        if self._rebuilding.done:
+            self._adopt(self._rebuilding.isam)
+            self._rebuilding = None
+            return True
+        return False
 
-    def _with_new_keyframes(self, poses: Floats) -> Floats:
-        """(n, 3) `poses` of the first keyframes, continued for the later ones by the steps between first guesses."""
-        extended = list(poses)
-        for k in range(len(extended), self.keyframes):
-            step = self._first_guesses[k - 1].between(self._first_guesses[k])
-            extended.append((Pose2.of(extended[-1]) @ step).array())
-        return np.array(extended)
+    def _adopt(self, isam: Isam) -> None:
+        """Go on with the iSAM2 of a rebuild, and queue what has changed since that began."""
+        self._isam = isam
+        self._cached_poses, self._cache_stale = isam.poses(), False
+        self._removed = [isam.indices.pop(n) for n in list(isam.indices) if n not in self._factors]
+        self._queued = [number for number in self._factors if number not in isam.indices]
+        poses = continued(self._cached_poses, self._steps)
+        self._queued_poses = {k: Pose2.of(poses[k]) for k in range(isam.keyframes, self.keyframes)}
 
-    def _estimated_poses(self) -> Floats:
-        estimate = gtsam.utilities.extractPose2(self._isam.calculateEstimate())
-        return np.asarray(estimate, dtype=np.float64).reshape(-1, 3)
+    def _take_queued(self) -> None:
+        """Hand iSAM2 everything queued, but keep loop closures back while a rebuild is under way."""
+        held = [n for n in self._queued if moves_earlier(self._factors[n])] if self._rebuilding else []
+        factors = {n: self._factors[n] for n in self._queued if n not in held}
+        self._isam.update(factors, self._queued_poses, self._removed)
+        self._queued, self._queued_poses, self._removed = held, {}, []
+
+    def _is_surprised(self) -> bool:
+        """Whether a queued loop closure is too far from the estimate for a Gauss-Newton step."""
+        queued = (self._factors[n] for n in self._queued)
+        off_m = (surprise_m(f, self.pose(f.a), self.pose(f.b)) for f in queued if moves_earlier(f))
+        return max(off_m, default=0.0) > self._config.leap_m
 
     def pose(self, keyframe: int) -> Pose2:
         """T_map_keyframe as estimated; the first guess before the next update."""
         if keyframe in self._queued_poses:
             return self._queued_poses[keyframe]
-        return of_gtsam(self._isam.calculateEstimatePose2(pose_key(keyframe)))
+        return of_gtsam(self._isam.tree.calculateEstimatePose2(pose_key(keyframe)))
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`."""
         if self._cache_stale or len(self._cached_poses) < self.keyframes:
-            self._cached_poses, self._cache_stale = self._estimated_poses(), False
+            self._cached_poses, self._cache_stale = self._isam.poses(), False
         return self._cached_poses.copy()
 
     def calibration(self) -> WheelCalibration:
         """The wheels' calibration on the newest stretch, with its marginal sigmas."""
-        covariance = self._isam.marginalCovariance(calibration_key(self._stretches - 1))
-        return WheelCalibration(self.calibration_values(), np.sqrt(np.maximum(np.diag(covariance), MIN_VARIANCE)))
+        variances = np.diag(self._isam.calibration_covariance())
+        return WheelCalibration(self.calibration_values(), np.sqrt(np.maximum(variances, MIN_VARIANCE)))
 
     def calibration_values(self) -> Floats:
         """(4,) the wheels' calibration on the newest stretch without its sigmas, which take longer."""
-        return np.asarray(self._isam.calculateEstimateVector(calibration_key(self._stretches - 1)))
+        return self._isam.calibration_values()
 
     def calibrations(self) -> Floats:
         """(k, 4) the wheels' calibration on each stretch of the path."""
-        keys = [calibration_key(stretch) for stretch in range(self._stretches)]
-        return np.array([self._isam.calculateEstimateVector(key) for key in keys])
+        return self._isam.calibrations()
 
     def covariance(self, keyframe: int) -> Floats:
         """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
         theta = self.pose(keyframe).theta
-        return covariance_in_b(np.asarray(self._isam.marginalCovariance(pose_key(keyframe))), -theta)
+        return covariance_in_b(np.asarray(self._isam.tree.marginalCovariance(pose_key(keyframe))), -theta)
 
     def relative_covariance(self, a: int, b: int) -> Floats:
         """(3, 3) covariance of T_a_b in (x, y, theta) of a, from the joint marginal. About 1 ms at 3,000 keyframes."""
-        joint = self._isam.jointMarginalCovariance([pose_key(a), pose_key(b)]).fullMatrix()
+        joint = self._isam.tree.jointMarginalCovariance([pose_key(a), pose_key(b)]).fullMatrix()
         T_a_b = self.pose(a).between(self.pose(b))
         J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
         return covariance_in_b(J @ joint @ J.T, -T_a_b.theta)
@@ -293,8 +294,5 @@ class PoseGraph:
         """Every factor by its number, queued ones included."""
         return dict(self._factors)
 
-    def _reset_isam(self, calibration: Floats) -> None:
-        self._isam = new_isam(self._config, self._prior, calibration)
-        self._stretches = 1
-        self._axes.reset()
-        self._linearization_point = self._isam.getLinearizationPoint()  # else gtsam copies it for every Python factor
+    def _new_isam(self, calibration: Floats) -> Isam:
+        return Isam(self._config, self._prior, self._chain, self._axes, calibration)

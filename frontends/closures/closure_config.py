@@ -10,7 +10,6 @@ class ConsensusConfig:
     """When WiFi's claims agree, and when a claim is accepted or removed."""
 
     steps: int = option(241, "", "over the reach each way: 0.001 rad/m apart, 0.1 rad over 100 m")
-    joined_steps: int = option(500, "", "of a drive for this search: bounds its cost; 2 m each on 1 km")
     reach_sigmas: float = option(
         4.0, "", "of the prior's turn bias, each way: the wheels of one robot in 16,000 are beyond"
     )
@@ -32,6 +31,21 @@ class ConsensusConfig:
 
 
 @dataclass(frozen=True)
+class OverlapConfig:
+    """When a check may pass with fewer inliers, because most points were out of the earlier scans' sight."""
+
+    min_inlier_ratio: float = option(0.25, "", "a 180-degree laser that comes back the other way has 0.2 to 0.5")
+    min_agreement: float = option(
+        0.75, "", "points that fit, of these and those seen through; right poses were seen to have 0.8 and more"
+    )
+    max_expected_sigma_m: float = option(
+        0.35, "m", "of the estimate: fewer points must not choose among places a rack's depth, 1 m, apart"
+    )
+    ray_gap_rad: float = option(0.06, "rad", "between neighbouring rays: thinned points at 1 m; wider hides a post")
+    margin_m: float = option(0.25, "m", "that a ray goes beyond a point: more than a grazing ray's error")
+
+
+@dataclass(frozen=True)
 class ClosureConfig:
     """Which candidates are checked, how far the check searches, and which of its results become factors."""
 
@@ -48,9 +62,13 @@ class ClosureConfig:
     min_window_m: float = option(0.4, "m", "to each side, however small the covariance: the estimate may be wrong")
     min_window_rad: float = option(0.1, "rad", "as above")
     max_window_m: float = option(4.0, "m", "beyond it aisles repeat; bounds the poses examined")
-    max_window_rad: float = option(0.5, "rad", "as above")
+    max_window_rad: float = option(0.5, "rad", "as above; any heading where the sigma of the heading is over it")
     min_inlier_ratio: float = option(0.6, "", "the paper's half admits a neighbouring aisle")
     max_sigma_m: float = option(0.15, "m", "a closure that is looser along some direction is not a fix")
+    open_sigma_m: float = option(30.0, "m", "along walls that leave it open: far more than any estimate it meets")
+    walls_above: float = option(
+        0.3, "", "of WiFi's sigma: to an estimate that is surer WiFi adds less than a tenth of what it knows"
+    )
     max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     gate_chi2: float = option(9.0, "", "97 % of true closures pass at 3 degrees of freedom, an aisle too far does not")
     drift: float = option(0.002, "1", "of the path: errors of scan matching that add up one way, as 0.2 % were seen to")
@@ -59,4 +77,5 @@ class ClosureConfig:
     reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
+    overlap: OverlapConfig = field(default_factory=OverlapConfig)
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)

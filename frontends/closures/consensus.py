@@ -7,18 +7,22 @@ chance claims, over the likelihood that all claims are chance.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from wayfi.backend.graph.factors import AxisFactor
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
-from wayfi.backend.pose2 import Floats, between_all
+from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 
 # Shares of true claims at which evidence is computed: within 0.011 nats a claim of the best share from 0.03 to 0.97
 TRUE_SHARES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 _WRONG = 0.1  # share of headings that may be wrong, as of the samples that are along no axis
+FAR_CHI2 = 100.0  # of a pair: its likelihood by then is 1e-22, which no area makes count
 _CORRIDOR_M2 = 1.0  # variance added to that of the path, so that a straight one has an area: of 3.5 m, width^2 / 12
 
 
@@ -63,15 +67,22 @@ class Headings:
     turned: Floats
     sigma_rad: Floats
 
-    def evidence(self, poses: Floats) -> float:
-        """Nats of the keyframes' `poses` (n, 3) over headings that are anything; some of the samples may be wrong."""
-        direction = np.exp(1j * (poses[self.keyframe, 2] - self.turned))
+    def evidence(self, theta: Floats) -> float:
+        """Nats of the keyframes' headings `theta` (n,) over headings that are anything; some samples may be wrong."""
+        direction = np.exp(1j * (theta[self.keyframe] - self.turned))
         wings, wing = np.unique(self.wing, return_inverse=True)
         mean = np.zeros(len(wings), complex)
         np.add.at(mean, wing, direction)
         off = np.angle(direction * np.conj(mean[wing]))
         ratio = 2 * math.pi * np.exp(-0.5 * (off / self.sigma_rad) ** 2) / (math.sqrt(2 * math.pi) * self.sigma_rad)
         return float(np.log(_WRONG + (1 - _WRONG) * ratio).sum())
+
+
+def headings_of(axes: Sequence[AxisFactor]) -> Headings:
+    """What these factors of the graph say."""
+    keyframe, wing = np.array([(f.b, f.wing) for f in axes], np.int64).reshape(-1, 2).T
+    turned, sigma_rad = np.array([(f.turned, f.sigma_rad) for f in axes]).reshape(-1, 2).T
+    return Headings(keyframe, wing, turned, sigma_rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,60 +135,117 @@ def best_hypothesis(
 
     Its evidence is the mean over the prior: a bias that is only the best of many by chance has paid for them. Steps
     whose relative poses are known from scan matches, the rows of `matched` (n, 3) that are not NaN, do not depend on
-    the bias. The cost is bounded: for the search, steps are joined to `joined_steps` of the config at most.
+    the bias.
     """
-    by_wheels = np.isnan(matched[:, :1])
-    steps = np.where(by_wheels, corrected_all(motions, prior.values), matched)
-    drive = _joined(steps, np.where(by_wheels[:, 0], motions[:, 3], 0.0), pairs, headings, config.joined_steps)
     offsets = np.linspace(-config.reach_sigmas, config.reach_sigmas, config.steps)
-    evidences = np.array([drive.evidence(offset * prior.sigmas[2], config.drift) for offset in offsets])
+    biases = prior.values[2] + offsets * prior.sigmas[2]
+    evidences = _evidence(motions, matched, prior.values, biases, pairs, headings, config.drift)
     prior_weights = -0.5 * offsets**2
     weights = evidences + prior_weights
     values = prior.values.copy()
-    values[2] += offsets[np.argmax(weights)] * prior.sigmas[2]
+    values[2] = biases[np.argmax(weights)]
+    by_wheels = np.isnan(matched[:, :1])
     poses = chain(np.where(by_wheels, corrected_all(motions, values), matched))
     evidence = float(np.logaddexp.reduce(weights) - np.logaddexp.reduce(prior_weights))
     return Hypothesis(values, poses, evidence, weigh(poses, pairs, config.drift)[1])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _JoinedDrive:
-    """A drive in few steps (g, 5), and what is known of it, expressed in the poses between these steps."""
+def _evidence(
+    motions: Floats,
+    matched: Floats,
+    calibration: Floats,
+    biases: Floats,
+    pairs: Pairs,
+    headings: Headings,
+    drift: float,
+) -> Floats:
+    """(k,) evidence of the dead reckoning with each of the `biases` (k,) in the calibration."""
+    variance = pairs.sigma_m**2 + (drift * pairs.path_m) ** 2
+    places = pairs.a, pairs.b, pairs.place_a, pairs.place_b
+    evidence: Floats = _evidence_of_all(motions, matched, calibration, biases, *places, variance, pairs.weight)
+    if len(headings.keyframe):
+        turns = corrected_all(motions, calibration)[:, 2]
+        known = ~np.isnan(matched[:, 2])
+        turned = np.concatenate([[0.0], np.cumsum(np.where(known, matched[:, 2], turns))])
+        path_m = np.concatenate([[0.0], np.cumsum(np.where(known, 0.0, motions[:, 3]))])
+        for i, bias in enumerate(biases):
+            evidence[i] += headings.evidence(turned + (bias - calibration[2]) * path_m)
+    return evidence
 
-    motions: Floats
-    pairs: Pairs
-    headings: Headings
 
-    def evidence(self, bias: float, drift: float) -> float:
-        """Nats for one more rad/m of turn `bias`."""
-        poses = chain(corrected_all(self.motions, np.array([0.0, 0.0, bias, 0.0])))
-        return weigh(poses, self.pairs, drift)[0] + self.headings.evidence(poses)
+@njit(cache=True)
+def _evidence_of_all(
+    motions: Floats,
+    matched: Floats,
+    calibration: Floats,
+    biases: Floats,
+    a: NDArray[np.int64],
+    b: NDArray[np.int64],
+    place_a: Floats,
+    place_b: Floats,
+    variance: Floats,
+    weight: Floats,
+) -> Floats:
+    poses = np.zeros((len(motions) + 1, 3))
+    gains = np.zeros((len(biases), len(TRUE_SHARES)))
+    for i in range(len(biases)):
+        area, far = _reckon(poses, motions, matched, calibration, biases[i]), 0.0
+        for k in range(len(a)):
+            pose_a, pose_b = poses[a[k]], poses[b[k]]
+            ca, sa, cb, sb = math.cos(pose_a[2]), math.sin(pose_a[2]), math.cos(pose_b[2]), math.sin(pose_b[2])
+            dx = (
+                pose_b[0]
+                + cb * place_b[k, 0]
+                - sb * place_b[k, 1]
+                - pose_a[0]
+                - ca * place_a[k, 0]
+                + sa * place_a[k, 1]
+            )
+            dy = (
+                pose_b[1]
+                + sb * place_b[k, 0]
+                + cb * place_b[k, 1]
+                - pose_a[1]
+                - sa * place_a[k, 0]
+                - ca * place_a[k, 1]
+            )
+            chi2 = (dx * dx + dy * dy) / variance[k]
+            if chi2 > FAR_CHI2:
+                far += weight[k]
+                continue
+            ratio = area / (2 * math.pi * variance[k]) * math.exp(-0.5 * chi2)
+            for share in range(len(TRUE_SHARES)):
+                gains[i, share] += weight[k] * math.log1p(TRUE_SHARES[share] * (ratio - 1))
+        gains[i] += far * np.log1p(-TRUE_SHARES)
+    best = np.zeros(len(biases))
+    for i in range(len(biases)):
+        best[i] = gains[i].max()
+    return best
 
 
-def _joined(steps: Floats, path_m: Floats, pairs: Pairs, headings: Headings, most: int) -> _JoinedDrive:
-    """The drive of `steps` (n, 3), on which the wheels drove `path_m` (n,), in `most` steps or fewer.
-
-    Within a step of the joined drive, which is a few metres long, the places stay where dead reckoning puts them.
-    """
-    every = math.ceil(len(steps) / most)
-    poses = chain(steps)
-    ends = np.append(np.arange(0, len(steps), every), len(steps))
-    rows = np.zeros((len(ends) - 1, 5))
-    rows[:, :3] = between_all(poses[ends[:-1]], poses[ends[1:]])
-    rows[:, 3] = np.add.reduceat(path_m, ends[:-1])
-
-    def within(keyframes: NDArray[np.int64]) -> Floats:
-        return between_all(poses[keyframes - keyframes % every], poses[keyframes])
-
-    joined_pairs = replace(
-        pairs,
-        a=pairs.a // every,
-        b=pairs.b // every,
-        place_a=_placed(within(pairs.a), pairs.place_a),
-        place_b=_placed(within(pairs.b), pairs.place_b),
-    )
-    turned = headings.turned - within(headings.keyframe)[:, 2]
-    return _JoinedDrive(rows, joined_pairs, replace(headings, keyframe=headings.keyframe // every, turned=turned))
+@njit(cache=True)
+def _reckon(poses: Floats, motions: Floats, matched: Floats, calibration: Floats, bias: float) -> float:
+    """Fill `poses` (n + 1, 3) by dead reckoning; returns their `driven_area`."""
+    scale, turn_scale, per_s = 1 + calibration[0], calibration[1], calibration[3]
+    x, y, heading = 0.0, 0.0, 0.0
+    sum_x, sum_y, sum_xx, sum_xy, sum_yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(motions)):
+        step_x, step_y, turn = matched[k, 0], matched[k, 1], matched[k, 2]
+        if math.isnan(step_x):
+            extra = turn_scale * motions[k, 2] + bias * motions[k, 3] + per_s * motions[k, 4]
+            c, s = math.cos(extra / 2) * scale, math.sin(extra / 2) * scale
+            step_x, step_y = c * motions[k, 0] - s * motions[k, 1], s * motions[k, 0] + c * motions[k, 1]
+            turn = motions[k, 2] + extra
+        c, s = math.cos(heading), math.sin(heading)
+        x, y, heading = x + c * step_x - s * step_y, y + s * step_x + c * step_y, heading + turn
+        poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = x, y, heading
+        sum_x, sum_y, sum_xx, sum_xy, sum_yy = sum_x + x, sum_y + y, sum_xx + x * x, sum_xy + x * y, sum_yy + y * y
+    n = len(motions) + 1.0
+    mean_x, mean_y = sum_x / n, sum_y / n
+    xx = (sum_xx / n - mean_x * mean_x) * n / (n - 1) + _CORRIDOR_M2
+    xy = (sum_xy / n - mean_x * mean_y) * n / (n - 1)
+    yy = (sum_yy / n - mean_y * mean_y) * n / (n - 1) + _CORRIDOR_M2
+    return 4 * math.pi * math.sqrt(xx * yy - xy * xy)
 
 
 def _placed(poses: Floats, places: Floats) -> Floats:

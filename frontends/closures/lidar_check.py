@@ -1,5 +1,6 @@
 """From a loop candidate to a verdict: a bounded check by scan matching, and the gate against the estimate."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,15 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
 from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.closures.overlap import agreement
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
-from wayfi.frontends.lidar.icp import icp
+from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.relocation import any_heading
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.scan_points import ScanPoints
 
+OPEN_ALONG = "the walls leave the pose open along them"
 MIN_SCORE = 1e-9  # of the best pose: keeps the ratio finite where nothing scores
 
 
@@ -29,7 +33,8 @@ class Expected:
 class CheckResult:
     """T_a_b as a check measured it, its (3, 3) covariance in a's axes, and why it is `refused` ("" if it is not).
 
-    `second_peak` is the score of the best pose elsewhere over the best score; `submap` (n, 2) m is in a.
+    `second_peak` is the score of the best pose elsewhere over the best score; `submap` (n, 2) m is in a. `walls_agree`:
+    refused only since walls leave the pose open along them; across them and in heading it agrees with the estimate.
     """
 
     T_a_b: Pose2
@@ -39,6 +44,7 @@ class CheckResult:
     second_peak: float
     submap: Floats
     refused: str
+    walls_agree: bool = False
 
 
 def nearest_candidate(
@@ -71,31 +77,68 @@ def check(
     submap = merge_submap(submap_scans, submap_poses, lidar.cell_m)
     if submap is None or len(scan.points) < lidar.min_points:
         return None
-    smallest, largest = (config.min_window_m, config.min_window_rad), (config.max_window_m, config.max_window_rad)
+    turned = math.sqrt(expected.covariance[2, 2]) > config.max_window_rad
+    widest_rad = math.pi if turned else config.max_window_rad
+    grid = any_heading(lidar.relocation, lidar.correlative) if turned else lidar.correlative
+    smallest, largest = (config.min_window_m, config.min_window_rad), (config.max_window_m, widest_rad)
     window = SearchWindow.of(expected.covariance, config.gate_chi2, smallest, largest)
-    peak = search(scan.points, build_field(submap.points, lidar.correlative), expected.T_a_b, window, lidar.correlative)
+    peak = search(scan.points, build_field(submap.points, lidar.correlative), expected.T_a_b, window, grid)
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
     covariance = match_covariance(result, lidar.degenerate_below, lidar.sigma_floor_m, lidar.sigma_floor_rad)
     covariance = covariance + diagonal_covariance(config.sigma_floor_m, config.sigma_floor_rad)
     second_peak = peak.second_score / max(peak.score, MIN_SCORE)
     # beyond the field's blur around the peak, ICP has found another place
     left_peak = peak.pose.distance(result.T_target_scan) > BLUR_SIGMAS * lidar.correlative.blur_m
+    unfit = _refused_inliers(result, scan, submap_scans, submap_poses, expected, config) or _refused_fit(
+        covariance, second_peak, config
+    )
+    if unfit == OPEN_ALONG:
+        covariance = _opened(covariance, config.open_sigma_m)
     refused = (
-        _refused_fit(result.inlier_ratio, covariance, second_peak, config)
+        unfit
         or ("ICP left the peak that the search found" if left_peak else "")
         or _refused_pose(expected, result.T_target_scan, covariance, config)
     )
+    walls_agree = unfit == OPEN_ALONG and not _refused_pose(expected, result.T_target_scan, covariance, config)
     return CheckResult(
-        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second_peak, submap.points, refused
+        result.T_target_scan, covariance, result.inlier_ratio, result.residual_m, second_peak, submap.points, refused,
+        walls_agree,
+    )  # fmt: skip
+
+
+def _opened(covariance: Floats, sigma_m: float) -> Floats:
+    """A (3, 3) covariance with another `sigma_m` along its worst direction: what was found along it says nothing."""
+    along = np.linalg.eigh(covariance[:2, :2])[1][:, 1]
+    opened = covariance.copy()
+    opened[:2, :2] += sigma_m**2 * np.outer(along, along)
+    return opened
+
+
+def _refused_inliers(
+    result: IcpResult,
+    scan: ScanPoints,
+    submap_scans: list[ScanPoints],
+    submap_poses: Floats,
+    expected: Expected,
+    config: ClosureConfig,
+) -> str:
+    """Why too few points fit; empty if enough do, of all or of those that the submap's scans could see."""
+    ratio, overlap = result.inlier_ratio, config.overlap
+    if ratio >= config.min_inlier_ratio:
+        return ""
+    few = f"inlier ratio {ratio:.2f} under {config.min_inlier_ratio}"
+    if ratio < overlap.min_inlier_ratio or position_sigma(expected.covariance) > overlap.max_expected_sigma_m:
+        return few
+    agree = agreement(ratio, scan, result.T_target_scan, submap_scans, submap_poses, overlap)
+    return (
+        f"{few}; of those in sight {agree:.2f} under {overlap.min_agreement}" if agree < overlap.min_agreement else ""
     )
 
 
-def _refused_fit(inlier_ratio: float, covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
+def _refused_fit(covariance: Floats, second_peak: float, config: ClosureConfig) -> str:
     """Why the two scans do not fix a pose; empty if they do."""
-    if inlier_ratio < config.min_inlier_ratio:
-        return f"inlier ratio {inlier_ratio:.2f} under {config.min_inlier_ratio}"
     if position_sigma(covariance) > config.max_sigma_m:
-        return "the walls leave the pose open along them"
+        return OPEN_ALONG
     if second_peak > config.max_second_peak:
         return f"ambiguous: second peak {second_peak:.2f} of the best"
     return ""

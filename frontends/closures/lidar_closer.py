@@ -39,7 +39,8 @@ class _Proposed:
 class CheckOutcome:
     """The result of checking a WiFi candidate: its `events`, and whether it was accepted (`closed`).
 
-    `open`: it was not, and the estimate is less certain of the relative position than WiFi is.
+    `open`: it was not, and WiFi has more to say: the estimate is less certain of the relative position than WiFi is, or
+    not much more and the laser sees walls that agree and leave the pose open along them.
     """
 
     events: list[Event]
@@ -62,12 +63,17 @@ class LidarCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
+        self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
 
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check the newest keyframe against the nearest earlier one that the estimate offers."""
         here = self._keyframes[keyframe]
-        if here.scan is None or here.point.path_m - self._last_check_m < self._closure.check_every_m:
+        if (
+            self._graph.restarts
+            or here.scan is None
+            or here.point.path_m - self._last_check_m < self._closure.check_every_m
+        ):
             return []
         keyframes = self._keyframes
         a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
@@ -80,9 +86,14 @@ class LidarCloser:
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
 
     def can_check(self, candidate: WifiCandidate) -> bool:
-        """Whether a WiFi candidate can be checked: its keyframes differ, and both have a scan."""
+        """Whether a WiFi candidate can be checked: its keyframes differ, both have a scan, and the estimate stays."""
         a, b = candidate.a.keyframe, candidate.b.keyframe
-        return a != b and self._keyframes[a].scan is not None and self._keyframes[b].scan is not None
+        return (
+            not self._graph.restarts
+            and a != b
+            and self._keyframes[a].scan is not None
+            and self._keyframes[b].scan is not None
+        )
 
     def close_by_wifi(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> CheckOutcome:
         """Check a WiFi candidate that `can_check` admits.
@@ -93,7 +104,8 @@ class LidarCloser:
         if self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m:
             return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
-        is_open = position_sigma(expected.covariance) > candidate.sigma_m
+        known_m = position_sigma(expected.covariance)
+        is_open = known_m > candidate.sigma_m
         updated, chi2 = update_by_place(expected, a.place, b.place, candidate.sigma_m)
         proposed = _Proposed(a.keyframe, b.keyframe, "wifi", candidate.similarity)
         if chi2 > self._closure.gate_chi2:
@@ -101,11 +113,21 @@ class LidarCloser:
             return CheckOutcome([self._enter(proposed, _unchecked(updated, why))], open=is_open)
         events = self._close(proposed, updated, stamp_ns, poses)
         closed = any(isinstance(event, ClosureJudged) and event.verdict is Verdict.ACCEPTED for event in events)
-        return CheckOutcome(events, closed, is_open and not closed)
+        by_walls = known_m > self._closure.walls_above * candidate.sigma_m and self.walls(candidate) is not None
+        return CheckOutcome(events, closed, not closed and (is_open or by_walls))
+
+    def walls(self, candidate: WifiCandidate) -> BetweenFactor | None:
+        """The pose across and along the heading of the walls that both keyframes of a checked candidate see.
+
+        Along the walls it is open. None where the check found no such walls, or fixed the pose by itself.
+        """
+        return self._walls.get((candidate.a.keyframe, candidate.b.keyframe))
 
     def review(self, poses: Floats) -> list[Event]:
-        """Remove those of the newest accepted closures that the estimate contradicts."""
+        """Remove those of the newest accepted closures that the estimate contradicts, unless it is being replaced."""
         events: list[Event] = []
+        if self._graph.restarts:
+            return events
         for number in sorted(self._accepted)[-self._closure.reviewed :]:
             judged = self._verdicts[number]
             T = Pose2.of(poses[judged.keyframe_a]).between(Pose2.of(poses[judged.keyframe_b]))
@@ -117,7 +139,8 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Remove every accepted closure, for `reason`."""
+        """Remove every accepted closure, for `reason`, and forget what walls said."""
+        self._walls.clear()
         numbers = sorted(self._accepted)
         for number in numbers:
             self._graph.remove(self._accepted.pop(number))
@@ -126,7 +149,9 @@ class LidarCloser:
     def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b
         reach = self._closure.submap_reach
-        scans, placed = self._keyframes.scans_around(a - reach, min(a + reach + 1, b), poses[a], poses)
+        first, last = self._keyframes.piece(a)
+        first, last = max(a - reach, first), min(a + reach + 1, b, last)
+        scans, placed = self._keyframes.scans_around(first, last, poses[a], poses)
         scan = self._keyframes[b].scan
         assert scan is not None
         with self._timer("check"):
@@ -156,6 +181,8 @@ class LidarCloser:
         """Enter the verdict on a candidate; add its factor if it is accepted."""
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
+        if done.walls_agree:
+            self._walls[p.a, p.b] = BetweenFactor(p.a, p.b, done.T_a_b, done.covariance)
         judged = self._verdicts.enter(ClosureJudged(
             0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
             p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,

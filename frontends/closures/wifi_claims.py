@@ -22,6 +22,7 @@ SHOWN = 40  # claims of a sequence, to bound an event: 20 m of path of one recei
 class Claim:
     """The claim that the places of a candidate are one; `number` is that of its verdict, `factor` None until accepted.
 
+    `walls` is the factor of what the laser adds to an accepted one: the pose across the walls there, and the heading.
     `gap_m` of path lie between it and the latest earlier claim that relates the same two stretches. `confirmed`: it has
     been accepted at least once.
     """
@@ -30,6 +31,7 @@ class Claim:
     candidate: WifiCandidate
     gap_m: float
     factor: int | None = None
+    walls: int | None = None
     confirmed: bool = False
 
 
@@ -46,6 +48,10 @@ class WifiClaims:
         claim = Claim(number, candidate, self._gap_m(candidate))
         self._claims.append(claim)
         return claim
+
+    def all(self) -> list[Claim]:
+        """Every claim."""
+        return self._claims
 
     def recent(self) -> list[Claim]:
         """The newest claims, `window` of them at most."""

@@ -6,12 +6,12 @@ which claims come nor a run of false ones decides.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import NearFactor
+from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
@@ -22,9 +22,11 @@ from wayfi.frontends.closures.consensus import (
     Pairs,
     best_hypothesis,
     driven_area,
+    headings_of,
     likelihood_ratio,
     weigh,
 )
+from wayfi.frontends.closures.lidar_check import Expected, update_by_place
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_claims import Claim, WifiClaims
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
@@ -32,11 +34,24 @@ from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
+JUDGED_AT_ONCE = 4  # claims, anew after the estimate has moved: each takes a covariance of 1 to 20 ms
 UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    """A restart: the claims that it explains, and the calibrations (k, 4) and poses (n, 3) that it replaced."""
+
+    claims: list[Claim]
+    calibrations: Floats
+    poses: Floats
+
+
 class WifiCloser:
-    """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one."""
+    """Judges WiFi's candidates together, and each against the estimate; `confirm` is called with every accepted one.
+
+    `walls` gives what the laser saw of a candidate's two places, where that left the pose open along walls.
+    """
 
     def __init__(
         self,
@@ -47,12 +62,15 @@ class WifiCloser:
         config: ConsensusConfig,
         wifi: WifiConfig,
         confirm: Callable[[WifiCandidate], None],
+        walls: Callable[[WifiCandidate], BetweenFactor | None],
     ) -> None:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._prior, self._config = prior, config
-        self._confirm = confirm
+        self._confirm, self._walls = confirm, walls
         self._claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
+        self._trial: _Trial | None = None
+        self._to_judge: list[Claim] = []
 
     def judge(self, candidate: WifiCandidate, stamp_ns: int, poses: Floats) -> list[Event]:
         """The first verdict on a candidate, by the estimate of the keyframes' `poses` (n, 3)."""
@@ -81,9 +99,9 @@ class WifiCloser:
         headings = self._headings()
         found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
-        if found.evidence >= now + headings.evidence(poses) + gain:
+        if found.evidence >= now + headings.evidence(poses[:, 2]) + gain:
             text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
-            return [Warned(stamp_ns, text), *self._restart_from(found, recent)]
+            return [Warned(stamp_ns, text), *self._restart_from(found, recent, poses)]
         if now < gain:
             return []
         if any(claim.confirmed for claim in recent):
@@ -94,21 +112,53 @@ class WifiCloser:
             if agrees and claim.factor is None
         ]
 
-    def review(self, poses: Floats) -> list[Event]:
-        """After the estimate has changed: remove what it contradicts, accept what it now makes likely."""
+    def review(self, poses: Floats, last: bool = False) -> list[Event]:
+        """After the estimate has changed: remove what it contradicts, and judge anew what it did not make likely.
+
+        `go_on` judges what is left, unless this is the `last` review.
+        """
         recent = self._claims.recent()
-        if not recent:
+        if not recent or self._graph.restarts:
             return []
         pairs = self._claims.pairs(recent)
         far = self._are_far(pairs, poses)
-        events: list[Event] = []
-        for claim, is_far in zip(recent, far, strict=True):
-            if claim.factor is not None and is_far:
-                events.append(self._remove(claim, "the estimate puts its places apart after all"))
-            elif claim.factor is None and not is_far and (judged := self._accept_if_likely(claim, poses)):
-                events.append(judged)
+        contradicted = [claim for claim, is_far in zip(recent, far, strict=True) if claim.factor is not None and is_far]
+        events: list[Event] = [
+            self._remove(claim, "the estimate puts its places apart after all") for claim in contradicted
+        ]
+        gone = {claim.number for claim in contradicted}
+        open_ones = {claim.number: claim for claim in recent if claim.factor is None and claim.number not in gone}
+        first = [claim for claim in self._to_judge if claim.number in open_ones]
+        waiting = {claim.number for claim in first}
+        self._to_judge = first + [claim for number, claim in open_ones.items() if number not in waiting]
+        events += self.go_on(poses, len(self._to_judge) if last else JUDGED_AT_ONCE)
+        events += self._end_trial()
         self._claims.learn_sigma(pairs, poses)
         return events
+
+    def go_on(self, poses: Floats, at_most: int = JUDGED_AT_ONCE) -> list[Event]:
+        """Judge anew the next of what `review` has left, and accept what is likely."""
+        events: list[Event] = []
+        if self._graph.restarts:
+            return events
+        judged = 0
+        while self._to_judge and judged < at_most:
+            claim = self._to_judge.pop(0)
+            if claim.factor is None and not self._are_far(self._claims.pairs([claim]), poses)[0]:
+                judged += 1
+                accepted = self._accept_if_likely(claim, poses)
+                events += [accepted] if accepted else []
+        return events
+
+    def withdraw_walls(self) -> None:
+        """Take back what the laser added to accepted claims."""
+        for claim in self._claims.all():
+            self._remove_walls(claim)
+
+    def _remove_walls(self, claim: Claim) -> None:
+        if claim.walls is not None:
+            self._graph.remove(claim.walls)
+            claim.walls = None
 
     def _search_due(self, last: bool) -> bool:
         """Whether there are refused claims, and enough new ones since the last search to be worth another."""
@@ -151,36 +201,54 @@ class WifiCloser:
         share = self._claims.true_share()
         return share * ratio / (share * ratio + 1 - share)
 
-    def _restart_from(self, found: Hypothesis, claims: list[Claim]) -> list[Event]:
-        """Accept the claims that `found` explains, remove the others, and restart the graph from it."""
+    def _restart_from(self, found: Hypothesis, claims: list[Claim], poses: Floats) -> list[Event]:
+        """Accept the claims that `found` explains, remove the others, and restart the graph from it, on trial."""
         events: list[Event] = []
         for claim, explained in zip(claims, found.explained, strict=True):
             if claim.factor is not None and not explained:
                 events.append(self._remove(claim, "another turn bias explains more closures"))
             elif explained and claim.factor is None:
                 events.append(self._accept(claim, found.poses, "explained by the turn bias found"))
+        explained = [claim for claim in claims if claim.factor is not None]
+        self._trial = _Trial(explained, self._graph.calibrations(), poses)
         self._graph.restart(found.values, found.poses)
         return events
+
+    def _end_trial(self) -> list[Event]:
+        """Undo the last restart if the estimate that it led to has given up most of the claims that it explained."""
+        trial = self._trial
+        if trial is None or self._graph.restarts:
+            return []
+        if 2 * sum(claim.factor is not None for claim in trial.claims) >= len(trial.claims):
+            return []
+        self._trial = None
+        self._graph.restart(trial.calibrations, trial.poses)
+        held = [claim for claim in self._claims.recent() if claim.factor is not None]
+        return [self._remove(claim, "the turn bias found did not hold") for claim in held]
 
     def _accept(self, claim: Claim, poses: Floats, reason: str) -> ClosureJudged:
         """Add its factor; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
         a, b = claim.candidate.a, claim.candidate.b
         factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self._claims.factor_sigma_m(claim))
         claim.factor = self._graph.add(factor)
+        walls = self._walls(claim.candidate)
+        claim.walls = self._graph.add(walls) if walls else None
         self._refused -= 1
         if not claim.confirmed:
             self._confirm(claim.candidate)
             claim.confirmed = True
         T_a_b, covariance = self._claimed(claim.candidate, poses)
         refused = self._verdicts[claim.number]
-        return self._verdicts.restate(
-            replace(refused, T_a_b=T_a_b, covariance=covariance, verdict=Verdict.ACCEPTED, reason=reason)
-        )
+        return self._verdicts.restate(replace(
+            refused, T_a_b=T_a_b, covariance=covariance, heading_claimed=walls is not None, verdict=Verdict.ACCEPTED,
+            reason=reason,
+        ))  # fmt: skip
 
     def _remove(self, claim: Claim, reason: str) -> ClosureJudged:
         assert claim.factor is not None
         self._graph.remove(claim.factor)
         claim.factor = None
+        self._remove_walls(claim)
         self._refused += 1
         return self._verdicts.change(claim.number, Verdict.REMOVED, reason)
 
@@ -190,9 +258,7 @@ class WifiCloser:
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
 
     def _headings(self) -> Headings:
-        axes = self._graph.axes()[-self._config.window :]
-        columns = np.array([(f.b, f.wing, f.turned, f.sigma_rad) for f in axes]).reshape(-1, 4).T
-        return Headings(columns[0].astype(np.int64), columns[1].astype(np.int64), columns[2], columns[3])
+        return headings_of(self._graph.axes()[-self._config.window :])
 
     def _matched(self, poses: Floats) -> Floats:
         """(n, 3) the estimated steps between keyframes that scan matches relate, NaN where none does."""
@@ -208,8 +274,15 @@ class WifiCloser:
         )
 
     def _claimed(self, candidate: WifiCandidate, poses: Floats) -> tuple[Pose2, Floats]:
-        """T_a_b of the keyframes if both fingerprints are at one place, with the heading of `poses`; its covariance."""
+        """T_a_b of the keyframes if both fingerprints are at one place, with its covariance.
+
+        The heading is that of walls that the laser saw, or of `poses` and then not claimed.
+        """
         a, b = candidate.a, candidate.b
+        if walls := self._walls(candidate):
+            known = Expected(walls.T_a_b, walls.covariance)
+            updated, _ = update_by_place(known, a.place, b.place, self._claims.sigma_m(candidate))
+            return updated.T_a_b, updated.covariance
         heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
         variance = self._claims.sigma_m(candidate) ** 2
         return pose_of_common_place(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
@@ -222,6 +295,6 @@ class WifiCloser:
             ClosureJudged(
                 0, self._keyframes[a.keyframe].point.stamp_ns, self._keyframes[b.keyframe].point.stamp_ns, a.keyframe,
                 b.keyframe, ClosureKind.WIFI, proposed_by, candidate.similarity, at_a.distance(at_b), np.nan, T_a_b,
-                covariance, False, Verdict.REFUSED, refused,
+                covariance, self._walls(candidate) is not None, Verdict.REFUSED, refused,
             )
         )  # fmt: skip

@@ -15,6 +15,7 @@ from wayfi.frontends.wifi.wifi_config import WifiConfig
 from wayfi.frontends.wifi.wifi_watch import WifiWatch
 
 MOST_RECEIVERS = 32  # that are remembered, to bound memory; robots were seen to carry three
+OLDEST_NS = 4e18  # an age beyond it, of a century, would not fit into an integer
 MOST_WAITING = 500  # scans, to bound memory: 30 s of three phones that send every channel by itself
 
 
@@ -138,10 +139,13 @@ class WifiIntake:
 
     def _taken_m(self, scan: _Scan, path: DrivenPath) -> Floats:
         """(n,) m along the path where each reading was taken, NaN where the path is no longer kept."""
-        age_s, back = np.unique(scan.readings.age_s, return_inverse=True)
-        points = [self._at(scan.stamp_ns - int(float(age) * SECOND_NS), path) for age in age_s]
-        taken_m: Floats = np.array([point.path_m if point else np.nan for point in points])[back]
-        return taken_m
+        ages_ns = np.minimum(scan.readings.age_s.astype(np.float64) * SECOND_NS, OLDEST_NS).astype(np.int64)
+        taken_ns = scan.stamp_ns - ages_ns
+        first = self._first
+        if first is not None:  # see _at
+            early = (taken_ns < first.stamp_ns) & (first.stamp_ns <= taken_ns + self._early_ns)
+            return np.where(early, first.path_m, path.lengths_at(taken_ns))
+        return path.lengths_at(taken_ns)
 
     def _at(self, taken_ns: int, path: DrivenPath) -> PathPoint | None:
         """The path at a moment; a moment shortly before the first pose counts as that of the first pose."""

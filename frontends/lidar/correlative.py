@@ -249,7 +249,8 @@ def _best_poses(
                     continue
                 score = mean_value(cells[a], field.fine, dr, dc, 0)
                 off_m = np.hypot(dr - best[0], dc - best[1]) * field.cell_m
-                near = off_m < apart_m and abs(angles[a] - angles[best[2]]) < apart_rad
+                turned = abs(angles[a] - angles[best[2]])
+                near = off_m < apart_m and min(turned, 2 * np.pi - turned) < apart_rad
                 if score > best_score:
                     if not near:
                         second = max(second, best_score)

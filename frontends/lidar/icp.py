@@ -84,6 +84,13 @@ def icp(scan: ScanPoints, target: PointIndex, guess: Pose2, prior: Floats, confi
     return IcpResult(Pose2.of(pose), information, inliers / max(len(points), 1), residual_m)
 
 
+def inlier_ratio(scan: ScanPoints, target: PointIndex, T_target_scan: Pose2, config: IcpConfig) -> float:
+    """The inlier ratio of a scan at a given pose."""
+    points = np.ascontiguousarray(scan.points)
+    inliers, _ = _inliers(points, scan.normals, target, T_target_scan.array(), _IcpParams.of(config))
+    return inliers / max(len(points), 1)
+
+
 @njit(cache=True)
 def _align(
     points: Floats, normals: Floats, target: PointIndex, guess: Floats, prior: Floats, params: _IcpParams

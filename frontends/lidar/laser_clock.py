@@ -10,6 +10,7 @@ from collections import deque
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, wrap
+from wayfi.frontends.lidar.laser_latency import Turn, latency_s, vertex
 from wayfi.frontends.lidar.lidar_config import LaserClockConfig
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry.driven_path import DrivenPath
@@ -18,7 +19,7 @@ from wayfi.frontends.odometry.driven_path import DrivenPath
 class LaserClock:
     """Compares turns by scan matching with those of the wheels, over offsets of the laser's stamps.
 
-    A turn waits until the odometry has come `max_offset_s` further; the last `max_turns` are compared together.
+    A turn waits until the odometry has come `max_offset_s` further; the last ones are compared together.
     """
 
     def __init__(self, config: LaserClockConfig) -> None:
@@ -26,7 +27,8 @@ class LaserClock:
         steps = round(config.max_offset_s / config.step_s)
         self._offsets_s: Floats = config.step_s * np.arange(-steps, steps + 1, dtype=np.float64)
         self._waiting: deque[tuple[int, int, float]] = deque()
-        self._squared_errors: deque[Floats] = deque(maxlen=config.max_turns)
+        self._turns: deque[Turn] = deque(maxlen=config.latency.max_turns)
+        self._compared = 0
 
     def add_turn(self, from_ns: int, to_ns: int, turned_rad: float) -> None:
         """Add the turn that scan matching found between two stamps of the laser."""
@@ -35,26 +37,37 @@ class LaserClock:
 
     def offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they may be the odometry's."""
-        config, latest = self._config, path.latest
+        config, latest, compared = self._config, path.latest, self._compared
         ahead_ns = round(config.max_offset_s * SECOND_NS)
         while latest and self._waiting and self._waiting[0][1] + ahead_ns <= latest.stamp_ns:
             self._compare(*self._waiting.popleft(), path)
-        if len(self._squared_errors) < config.min_turns:
+        if self._compared == compared:
             return None
-        mean = np.mean(self._squared_errors, axis=0)
-        best = int(mean.argmin())
-        without = float(mean[len(mean) // 2])
+        offset_s = self._clock_offset_s()
+        if offset_s is None and self._compared % config.latency.every_turns == 0:
+            offset_s = latency_s(list(self._turns), self._offsets_s, config.latency)
+        return offset_s
+
+    def _clock_offset_s(self) -> float | None:
+        """The offset at which the newest turns fit many times better than without one; None if there is none."""
+        config = self._config
+        if len(self._turns) < config.min_turns:
+            return None
+        newest = list(self._turns)[-config.max_turns :]
+        errors = np.array([np.abs(turn.by_laser - turn.by_wheels) for turn in newest])
+        squares = np.minimum(errors, config.max_error_rad) ** 2
+        mean = squares.mean(axis=0)
+        best, middle = int(mean.argmin()), len(mean) // 2
         at_the_edge = best in (0, len(mean) - 1)
-        if at_the_edge or without < config.good_error_rad**2 or without < config.min_gain * mean[best]:
+        if at_the_edge or mean[middle] < config.good_error_rad**2 or mean[middle] < config.min_gain * mean[best]:
             return None
-        squares = np.array(self._squared_errors)
-        agreement = float(np.mean(squares[:, best] <= squares[:, len(mean) // 2]))
+        agreement = float(np.mean(squares[:, best] <= squares[:, middle]))
         if agreement < config.min_agreement:
             return None
-        return float(self._offsets_s[best] + _vertex(*mean[best - 1 : best + 2]) * config.step_s)
+        return float(self._offsets_s[best] + vertex(*mean[best - 1 : best + 2]) * config.step_s)
 
     def _compare(self, from_ns: int, to_ns: int, turned_rad: float, path: DrivenPath) -> None:
-        """Note a turn's squared error at each offset; nothing where the path is not kept that far back."""
+        """Note what the wheels say of a turn at each offset; nothing where the path is not kept that far back."""
         turns = []
         for offset_s in self._offsets_s.tolist():
             shift_ns = round(offset_s * SECOND_NS)
@@ -62,10 +75,8 @@ class LaserClock:
             if begin is None or end is None:
                 return
             turns.append(wrap(end.T_path_base.theta - begin.T_path_base.theta))
-        errors = np.minimum(np.abs(turned_rad - np.array(turns)), self._config.max_error_rad)
-        self._squared_errors.append(errors**2)
-
-
-def _vertex(before: float, lowest: float, after: float) -> float:
-    """Where the parabola through three values has its vertex, in steps from the middle one, which is the lowest."""
-    return 0.5 * (before - after) / (before - 2 * lowest + after)
+        begin, end = path.at(from_ns), path.at(to_ns)
+        assert begin
+        assert end
+        self._turns.append(Turn(turned_rad, np.array(turns), end.path_m - begin.path_m))
+        self._compared += 1

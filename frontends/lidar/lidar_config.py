@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 
 from wayfi.backend.options import option
 from wayfi.frontends.lidar.correlative import CorrelativeConfig
+from wayfi.frontends.lidar.doubt import DoubtConfig
 from wayfi.frontends.lidar.icp import IcpConfig
+from wayfi.frontends.lidar.relocation import RelocationConfig
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,18 @@ class SearchConfig:
 
 
 @dataclass(frozen=True)
+class LatencyConfig:
+    """When the laser's driver is found to stamp its scans late."""
+
+    max_s: float = option(0.4, "s", "either way; real drivers were seen to be 0.1 to 0.2 late")
+    min_s: float = option(0.04, "s", "less is 2 cm at 0.5 m/s, and not worth moving the scans")
+    min_turns: int = option(20, "turns", "as many as a robot makes in some minutes")
+    max_turns: int = option(200, "turns", "the last ones: bounds the cost")
+    every_turns: int = option(10, "turns", "between two estimates: as above")
+    min_gain: float = option(15.0, "nats", "of the likelihood; sound recordings were seen to have 6")
+
+
+@dataclass(frozen=True)
 class LaserClockConfig:
     """When the laser's stamps are found to be from another clock than the odometry's."""
 
@@ -52,6 +66,7 @@ class LaserClockConfig:
     max_turns: int = option(40, "turns", "the last ones: older turns may be from before the clock was set")
     min_gain: float = option(6.0, "1", "factor on the mean squared error; sound recordings were seen to have 2.7")
     good_error_rad: float = option(0.05, "rad", "root mean square without an offset: below it none is looked for")
+    latency: LatencyConfig = field(default_factory=LatencyConfig)
 
 
 @dataclass(frozen=True)
@@ -120,8 +135,8 @@ class LidarConfig:
     search_below: float = option(0.75, "", "under this inlier ratio the guess may be wrong: search the window first")
     degenerate_below: float = option(0.01, "", "0.002 was measured in a bare corridor, 0.4 in a hall")
     cell_m: float = option(0.5, "m", "of the index that finds nearest points; the widest gate of ICP")
-    sigma_floor_m: float = option(0.004, "m", "errors of range, mount and time that all points of a scan share")
-    sigma_floor_rad: float = option(0.0015, "rad", "as above")
+    sigma_floor_m: float = option(0.002, "m", "errors of range, mount and time that all points of a scan share")
+    sigma_floor_rad: float = option(0.0005, "rad", "as above; at 0.0015 the wheels bent a long hall by 1 mrad a lap")
     silent_m: float = option(2.0, "m", "path without a scan after which keyframes are made without one")
     lead_voxel_m: float = option(
         0.5, "m", "KISS-ICP's, without wheels: 2 to 3 cm over 135 m in a hall; 1.0 drifts, 0.25 is slower and no better"
@@ -131,6 +146,8 @@ class LidarConfig:
     trust: WheelTrustConfig = field(default_factory=WheelTrustConfig)
     icp: IcpConfig = field(default_factory=IcpConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
+    relocation: RelocationConfig = field(default_factory=RelocationConfig)
+    doubt: DoubtConfig = field(default_factory=DoubtConfig)
     correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
     clock: LaserClockConfig = field(default_factory=LaserClockConfig)
     watch: LaserWatchConfig = field(default_factory=LaserWatchConfig)

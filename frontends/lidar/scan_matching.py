@@ -56,6 +56,11 @@ def match_scan(
         found = _search_and_match(scan, submap, guess, guess_covariance, config)
         if found.inlier_ratio > result.inlier_ratio + config.search.min_gain:
             result, T = found, found.T_target_scan
+    return as_match(result, T, config)
+
+
+def as_match(result: IcpResult, T: Pose2, config: LidarConfig) -> ScanMatch:
+    """The match at `T` that an ICP `result` led to."""
     covariance = match_covariance(result, config.degenerate_below, config.sigma_floor_m, config.sigma_floor_rad)
     return ScanMatch(T, covariance, result.inlier_ratio, result.residual_m)
 

@@ -1,15 +1,20 @@
 """Scan matching from keyframe to keyframe, and the scale of the wheels' covariance that agrees with it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, misses, slipped
+from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.lidar.scan_matching import ScanMatch, match_scan, merge_submap
+from wayfi.frontends.lidar.point_index import PointIndex
+from wayfi.frontends.lidar.relocation import relocate
+from wayfi.frontends.lidar.scan_matching import ScanMatch, as_match, match_scan, merge_submap
+from wayfi.frontends.lidar.visibility import seen_through_share
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 from wayfi.frontends.scan_points import ScanPoints
@@ -17,10 +22,14 @@ from wayfi.frontends.scan_points import ScanPoints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyframeMatch:
-    """A keyframe's scan match in the frame of the keyframe before, and the `submap` (n, 2) m of the match there."""
+    """A keyframe's scan match in the frame of the keyframe before, and the `submap` (n, 2) m of the match there.
+
+    `judged` is what it says of the wheels.
+    """
 
     match: ScanMatch
     submap: Floats
+    judged: StepJudged = SILENT
 
 
 class ScanTracker:
@@ -43,16 +52,64 @@ class ScanTracker:
         """Match the scan of the keyframe `guess` away from the last of `poses` (n, 3); None without a submap."""
         if not self._matched:
             self._matched, self.covariance_scale = True, self._trust.initial
+        tracked = self.compare(scan, motion, guess, poses)
+        if tracked and tracked.match.inlier_ratio >= self._lidar.min_inlier_ratio:
+            self.update_scale(motion, guess, tracked.match)
+        return tracked
+
+    def compare(self, scan: ScanPoints, motion: WheelMotion, guess: Pose2, poses: Floats) -> KeyframeMatch | None:
+        """As `match`, but nothing is learnt from it."""
         n = len(poses)
-        scans, placed = self._keyframes.scans_around(n - self._lidar.submap_keyframes, n, poses[-1], poses)
+        first = max(n - self._lidar.submap_keyframes, self._keyframes.piece(n - 1)[0])
+        scans, placed = self._keyframes.scans_around(first, n, poses[-1], poses)
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None
         search_below = math.inf if self.covariance_scale > self._trust.search_above else self._lidar.search_below
         match = match_scan(scan, submap, guess, self.wheel_covariance(motion), search_below, self._lidar)
-        if match.inlier_ratio >= self._lidar.min_inlier_ratio:
-            self.update_scale(motion, guess, match)
-        return KeyframeMatch(match, submap.points)
+        tracked = KeyframeMatch(match, submap.points, AGREES)
+        if match.inlier_ratio < self._lidar.search_below:
+            tracked = self._doubted(scan, submap, guess, tracked)
+        if tracked.match.inlier_ratio < self._lidar.min_inlier_ratio:
+            return replace(tracked, judged=self._refused(scan, tracked, motion))
+        return replace(tracked, judged=self._judge(scan, submap, motion, guess, tracked.match))
+
+    def _doubted(self, scan: ScanPoints, submap: PointIndex, guess: Pose2, tracked: KeyframeMatch) -> KeyframeMatch:
+        """A poor match, or what the wide search finds instead where the scan looks through the submap's walls."""
+        if not self._contradicts(scan, tracked):
+            return tracked
+        config = self._lidar
+        found = relocate(scan, submap, guess, config.relocation, config.correlative, config.icp)
+        if found is None or found.inlier_ratio < tracked.match.inlier_ratio + config.doubt.slip_gain:
+            return tracked
+        return replace(tracked, match=as_match(found, found.T_target_scan, config))
+
+    def _contradicts(self, scan: ScanPoints, tracked: KeyframeMatch) -> bool:
+        through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan)
+        return through > self._lidar.doubt.seen_through
+
+    def _refused(self, scan: ScanPoints, tracked: KeyframeMatch, motion: WheelMotion) -> StepJudged:
+        return misfit(motion, self._lidar.doubt) if self._contradicts(scan, tracked) else UNFIT
+
+    def _judge(
+        self, scan: ScanPoints, submap: PointIndex, motion: WheelMotion, guess: Pose2, match: ScanMatch
+    ) -> StepJudged:
+        """Whether a good match contradicts the wheels by far more than both covariances.
+
+        Where the wheels miss most of the motion it is their failure, not noise that the covariance scale describes.
+        """
+        doubt, T = self._lidar.doubt, match.T_submap_scan
+        e = error(guess, T)
+        scale = min(self.covariance_scale, self._trust.initial) if misses(motion, e) else self.covariance_scale
+        wheels = wheel_covariance(motion, self._odometry, scale)
+        chi2 = float(e @ np.linalg.solve(wheels + match.covariance, e))
+        if chi2 < doubt.agree_chi2:
+            return AGREES
+        small = math.hypot(e[0], e[1]) < doubt.slip_m and abs(e[2]) < doubt.slip_rad
+        near = replace(self._lidar.icp, inlier_m=0.5 * doubt.slip_m)
+        gain = inlier_ratio(scan, submap, T, near) - inlier_ratio(scan, submap, guess, near)
+        slips = chi2 > doubt.slip_chi2 and not small and gain > doubt.slip_gain
+        return slipped(motion, guess, T) if slips else SILENT
 
     def update_scale(self, motion: WheelMotion, guess: Pose2, match: ScanMatch) -> None:
         """Update `covariance_scale` by a scan match of the keyframe that the wheels put at `guess`.
@@ -60,8 +117,7 @@ class ScanTracker:
         It follows the squared Mahalanobis distance between the two over its 3 degrees of freedom, which is 1 where
         both covariances are right.
         """
-        T = match.T_submap_scan
-        e = np.array([T.x - guess.x, T.y - guess.y, wrap(T.theta - guess.theta)])
+        e = error(guess, match.T_submap_scan)
         expected = wheel_covariance(motion, self._odometry) + match.covariance
         scale = min(float(e @ np.linalg.solve(expected, e)) / 3, self._trust.most)
         self.covariance_scale = max(1.0, self._trust.memory * self.covariance_scale + (1 - self._trust.memory) * scale)

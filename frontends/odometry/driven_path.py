@@ -5,8 +5,11 @@ from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
@@ -33,13 +36,17 @@ class PathPoint:
 
 
 class DrivenPath:
-    """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion."""
+    """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion.
+
+    `leapt_m` is the length of the newest step if it was such a leap, else 0.
+    """
 
     def __init__(self, config: OdometryConfig) -> None:
         self._config = config
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._was_away = False
+        self.leapt_m = 0.0
 
     @property
     def latest(self) -> PathPoint | None:
@@ -66,15 +73,18 @@ class DrivenPath:
         last = self.latest
         plausible, discontinuities = True, last.discontinuities if last else 0
         if last is None:
-            point = PathPoint(stamp_ns, T_odom_base, 0.0)
+            point, self.leapt_m = PathPoint(stamp_ns, T_odom_base, 0.0), 0.0
         else:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
             distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * NANOSECOND_S
-            restarted = self._was_away and self._has_restarted(T_odom_base)
-            if restarted or not distance <= max(self._config.min_leap_m, self._config.max_speed_m_s * seconds):
-                plausible, step, distance = False, Pose2(), 0.0
-                discontinuities += self._was_away
+            restarted = self._has_restarted(T_odom_base)
+            self.leapt_m = 0.0
+            if (self._was_away and restarted) or not distance <= max(
+                self._config.min_leap_m, self._config.max_speed_m_s * seconds
+            ):
+                plausible, self.leapt_m, step, distance = False, distance, Pose2(), 0.0
+                discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
             point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
@@ -82,6 +92,20 @@ class DrivenPath:
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
+
+    def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
+        """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
+        known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
+        path_m = np.array([point.path_m for point in self._points])
+        if len(known_ns) == 0:
+            return np.full(len(stamps_ns), np.nan)
+        after = np.searchsorted(known_ns, stamps_ns)
+        inside = (after < len(known_ns)) & (stamps_ns >= known_ns[0])
+        after = np.where(inside, after, 0)
+        before = np.maximum(after - 1, 0)
+        fraction = (stamps_ns - known_ns[before]) / np.maximum(known_ns[after] - known_ns[before], 1)
+        lengths: Floats = np.where(inside, path_m[before] + fraction * (path_m[after] - path_m[before]), np.nan)
+        return lengths
 
     def _has_restarted(self, T_odom_base: Pose2) -> bool:
         """Whether a pose is near the origin of the odometry, and the last one was not."""

@@ -55,6 +55,7 @@ class OdometryConfig:
     restart_m: float = option(
         0.5, "m", "after a pause: a pose this near the odometry's origin, from over twice as far, is a restart"
     )
+    restart_s: float = option(1.0, "s", "a restart that takes longer, or does not begin at the origin, hides a motion")
     sigma_xy_per_sqrt_m: float = option(0.02, "m per sqrt(m)", "random part of the distance: 2 cm over 1 m")
     sigma_theta_per_sqrt_m: float = option(0.003, "rad per sqrt(m)", "what real logs leave once the bias is known")
     sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")

@@ -22,9 +22,12 @@ def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_sca
         + config.sigma_still_rad**2
     )
     x, y = motion.pose.x, motion.pose.y
-    lever = np.array([-0.5 * y, 0.5 * x, 1.0])
-    covariance: Floats = covariance_scale * (np.diag([var_xy, var_xy, 0.0]) + var_theta * np.outer(lever, lever))
+    lever_x, lever_y = -0.5 * y, 0.5 * x
     restarted_m2 = motion.discontinuities * config.sigma_restart_m**2
     restarted_rad2 = motion.discontinuities * config.sigma_restart_rad**2
-    covariance += np.diag([restarted_m2, restarted_m2, LEAST_VARIANCE_RAD2 + restarted_rad2])
-    return covariance
+    xx = covariance_scale * (var_xy + var_theta * (lever_x * lever_x)) + restarted_m2
+    xy = covariance_scale * (var_theta * (lever_x * lever_y))
+    yy = covariance_scale * (var_xy + var_theta * (lever_y * lever_y)) + restarted_m2
+    xt, yt = covariance_scale * (var_theta * lever_x), covariance_scale * (var_theta * lever_y)
+    tt = covariance_scale * var_theta + (LEAST_VARIANCE_RAD2 + restarted_rad2)
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

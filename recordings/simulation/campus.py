@@ -68,7 +68,7 @@ def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: 
     (w, _, e), (s, _, n) = COLUMNS_M, ROWS_M
     to_w, to_e = COLUMN_HALF_WIDTHS_M[0], COLUMN_HALF_WIDTHS_M[-1]
     to_s, to_n = ROW_HALF_WIDTHS_M[0], ROW_HALF_WIDTHS_M[-1]
-    outside = _walls((w - to_w, s - to_s), (e + to_e, n + to_n), DOOR_DEPTH_M, rng)
+    outside = walls((w - to_w, s - to_s), (e + to_e, n + to_n), DOOR_DEPTH_M, BETWEEN_DOORS_M, rng)
     blocks = [_block(column, row, rng) for column in range(len(COLUMNS_M) - 1) for row in range(len(ROWS_M) - 1)]
     return still(np.vstack([outside, *blocks]))
 
@@ -78,22 +78,33 @@ def _block(column: int, row: int, rng: np.random.Generator) -> Floats:
     low = (COLUMNS_M[column] + COLUMN_HALF_WIDTHS_M[column], ROWS_M[row] + ROW_HALF_WIDTHS_M[row])
     column, row = column + 1, row + 1
     high = (COLUMNS_M[column] - COLUMN_HALF_WIDTHS_M[column], ROWS_M[row] - ROW_HALF_WIDTHS_M[row])
-    return _walls(low, high, -DOOR_DEPTH_M, rng)
+    return walls(low, high, -DOOR_DEPTH_M, BETWEEN_DOORS_M, rng)
 
 
-def _walls(low: tuple[float, float], high: tuple[float, float], niche_m: float, rng: np.random.Generator) -> Floats:
-    """(n, 4) faces of the rectangle from `low` to `high` (m), with door niches `niche_m` deep, positive outwards."""
+def walls(
+    low: tuple[float, float],
+    high: tuple[float, float],
+    niche_m: float,
+    between_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> Floats:
+    """(n, 4) faces of the rectangle from `low` to `high` (m), with door niches `niche_m` deep, positive outwards.
+
+    Along each side the niches are `between_m` apart, drawn at random.
+    """
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    return polygon(np.vstack([_side(start, end, niche_m, rng) for start, end in sides]))
+    return polygon(np.vstack([_side(start, end, niche_m, between_m, rng) for start, end in sides]))
 
 
-def _side(start: Floats, end: Floats, niche_m: float, rng: np.random.Generator) -> Floats:
+def _side(
+    start: Floats, end: Floats, niche_m: float, between_m: tuple[float, float], rng: np.random.Generator
+) -> Floats:
     """(n, 2) corners (m) from `start` to `end`, without `end`."""
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
     outwards = np.array([along[1], -along[0]])
-    doors = rng.uniform(*BETWEEN_DOORS_M, int(length // BETWEEN_DOORS_M[0])).cumsum()
+    doors = rng.uniform(*between_m, int(length // between_m[0])).cumsum()
     offsets = np.array([[-0.5, 0.0], [-0.5, 1.0], [0.5, 1.0], [0.5, 0.0]]) * [DOOR_WIDTH_M, niche_m]
     niches = [
         start + (door + d) * along + depth * outwards for door in doors[doors < length - 3.0] for d, depth in offsets

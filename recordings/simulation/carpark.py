@@ -1,5 +1,7 @@
 """The paper's car park: 30 x 200 m, two lanes, four rows of bays, pillars; cars park, leave and pass by."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +28,7 @@ CLEARANCE_M = 0.6
 
 
 def _corners() -> Floats:
+    """The first loop is of 100 m."""
     west, one, two, three, east = CROSSINGS_M
     a, b = LANE_A_M, LANE_B_M
     first_loop = [(0.0, a), (one, a), (one, b), (west, b), (west, a)]
@@ -34,7 +37,18 @@ def _corners() -> Floats:
     return np.array(first_loop + far_loops + other_way)
 
 
+def _corners_around() -> Floats:
+    """The first loop is of 400 m, around the whole car park."""
+    west, one, two, three, east = CROSSINGS_M
+    a, b = LANE_A_M, LANE_B_M
+    around = [(0.0, a), (east, a), (east, b), (west, b), (west, a)]
+    back = [(two, a), (two, b), (east, b), (east, a), (one, a), (one, b), (west, b), (west, a)]
+    middle = [(three, a), (three, b), (one, b), (one, a), (two, a)]
+    return np.array(around + back + middle)
+
+
 ROUTE = RoutePlan(_corners(), length_m=1070.0, duration_s=2580.0, wiggle_m=0.3)
+ROUTE_AROUND = replace(ROUTE, corners=_corners_around())
 RADIO = RadioPlan(
     inside=(X_MIN_M, Y_MIN_M, X_MAX_M, Y_MAX_M), inside_sites=5, margin_m=25.0, outside_sites=1140, hotspots=50
 )

@@ -28,7 +28,8 @@ class LaserSpec:
     """A laser: `beams` from `angle_min`, `angle_increment` (rad) apart, with a scan every `period_ns`.
 
     Its mirror turns once in `turn_s`, which sets the time between beams. Half of the beams return from a white sheet
-    at the distance `reach_m`.
+    at the distance `reach_m`. Ranges are multiples of `resolution_m`. A beam's light spreads by `divergence_rad`;
+    `mixed_share` of the beams at an edge are mixed pixels.
     """
 
     beams: int
@@ -39,6 +40,9 @@ class LaserSpec:
     period_ns: int
     turn_s: float
     reach_m: float
+    resolution_m: float = RESOLUTION_M
+    divergence_rad: float = 0.0
+    mixed_share: float = 0.15
 
     @property
     def time_increment_s(self) -> float:
@@ -99,8 +103,8 @@ def scans(
 
 
 def quantized(measured: Floats, spec: LaserSpec) -> NDArray[np.float32]:
-    """Ranges rounded to millimetres; inf outside the laser's range."""
-    measured = np.round(measured / RESOLUTION_M) * RESOLUTION_M
+    """Ranges rounded to the laser's resolution; inf outside its range."""
+    measured = np.round(measured / spec.resolution_m) * spec.resolution_m
     measured[~((measured >= spec.range_min_m) & (measured <= spec.range_max_m))] = np.inf
     return measured.astype(np.float32)
 

@@ -19,6 +19,7 @@ from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
 from wayfi.recordings.simulation.spatial import spatial_measurements
 from wayfi.recordings.simulation.worlds import World
@@ -53,17 +54,17 @@ def simulate(
     seed: int = 0,
     minutes: float | None = None,
     progress: Callable[[float], None] = _ignore,
-    rough: bool = True,
+    robot: Robot = Robot.TYPICAL,
     points: bool = False,
 ) -> SimulatedRecording:
     """Write recording.mcap, and truth.tum with base_link at each odometry stamp, into the folder `out_dir`.
 
-    The drive through `world` is cut after `minutes` (None: full length); `rough` is described at Run. With `points`,
-    the robot has a 3D LiDAR instead of the planar one. The same arguments give the same bytes. `progress` is called
+    The drive through `world` is cut after `minutes` (None: full length); `robot` is its error model. With `points`, the
+    robot has a 3D LiDAR instead of the planar one. The same arguments give the same bytes. `progress` is called
     with the fraction done, 0 to 1, every simulated second. Raises OSError or RecordingError if `out_dir` cannot be
     written.
     """
-    run = start(world, seed, minutes, rough)
+    run = start(world, seed, minutes, robot)
     out_dir.mkdir(parents=True, exist_ok=True)
     recording, truth = out_dir / "recording.mcap", out_dir / "truth.tum"
     write_tum(truth, run.truth.stamps_ns, run.truth.poses)

@@ -1,8 +1,8 @@
 """The returns of a real laser: noise, glass, dark paint, edges.
 
 A beam returns if enough of its light does, which depends on range, incidence and the face's albedo. Glass reflects only
-beams at nearly a right angle, and some others. A beam at an edge may report a range between the two faces (a mixed
-pixel).
+beams at nearly a right angle, and some others. On a wall that it grazes, a beam measures a short range (footprint). A
+beam at an edge may report a range between the two faces (a mixed pixel).
 """
 
 import math
@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfi.recordings.simulation.footprint import shortened_m
 from wayfi.recordings.simulation.laser import Hits, LaserSpec, Sweeps, hits, quantized
 from wayfi.recordings.simulation.surfaces import Material, Surfaces
 
@@ -23,7 +24,7 @@ RETURN_EXPONENT = 12  # of range / reach: how sharply the share of beams that re
 GLASS_TRANSMISSION = 0.9
 MIN_GLASS_INCIDENCE = math.cos(math.radians(10.0))
 EDGE_M = 0.15
-MIXED_SHARE = 0.15
+SLANT_STEPS = 2.0  # of the step on a plane of the same slant: walls are not quite even
 DRAWS = 4  # uniform random numbers for each beam
 
 
@@ -35,8 +36,10 @@ def scans(surfaces: Surfaces, sweeps: Sweeps, spec: LaserSpec, noise: Random, un
     glass = surfaces.material == Material.GLASS
     on_opaque, on_glass = (hits(surfaces.where(chosen), sweeps, spec) for chosen in (~glass, glass))
     seen = _through_glass(on_opaque, on_glass, uniform[:, 0])
-    range_m = np.where(_returns(seen, spec.reach_m, uniform[:, 1]), seen.range_m, np.inf)
-    range_m = _mixed(range_m, uniform[:, 2], uniform[:, 3])
+    measured_m = seen.range_m - shortened_m(seen.range_m, seen.incidence, spec.divergence_rad)
+    range_m = np.where(_returns(seen, spec.reach_m, uniform[:, 1]), measured_m, np.inf)
+    edges = _edges(range_m, seen.incidence, spec.angle_increment) & (uniform[:, 2, :-1] < spec.mixed_share)
+    range_m = _mixed(range_m, edges, uniform[:, 3, :-1])
     sigma_m = SIGMA_M + SIGMA_PER_M * np.where(np.isfinite(range_m), range_m, 0.0)
     return quantized(range_m + noise * sigma_m, spec)
 
@@ -59,12 +62,22 @@ def _returns(seen: Hits, reach_m: float, uniform: Random) -> NDArray[np.bool_]:
     return np.asarray(uniform < 1.0 / (1.0 + (seen.range_m / np.maximum(reach, 1e-3)) ** RETURN_EXPONENT))
 
 
-def _mixed(range_m: Floats, uniform: Random, share: Random) -> Floats:
-    """`range_m` (n, beams) with mixed pixels: some beams at an edge report a range between theirs and the next."""
-    near, beyond = range_m[:, :-1], range_m[:, 1:]
-    both = np.isfinite(near) & np.isfinite(beyond)
-    step = np.subtract(beyond, near, out=np.zeros_like(near), where=both)
-    mixed = (np.abs(step) > EDGE_M) & (uniform[:, :-1] < MIXED_SHARE)
+def _edges(range_m: Floats, incidence: Floats, increment: float) -> NDArray[np.bool_]:
+    """(n, beams - 1) whether the range leaps from a beam to the next, by more than on a wall that the beams graze."""
+    returns = np.isfinite(range_m)
+    known_m = np.where(returns, range_m, 0.0)
+    on_wall_m = known_m * increment * np.sqrt(np.maximum(1.0 - incidence**2, 0.0)) / np.maximum(incidence, 1e-3)
+    allowed_m = EDGE_M + SLANT_STEPS * np.maximum(on_wall_m[:, :-1], on_wall_m[:, 1:])
+    return (np.abs(np.diff(known_m)) > allowed_m) & returns[:, :-1] & returns[:, 1:]
+
+
+def _mixed(range_m: Floats, edges: NDArray[np.bool_], share: Random) -> Floats:
+    """`range_m` (n, beams) with mixed pixels at `edges` (n, beams - 1): one of the two beams measures in between.
+
+    Either is as likely, and the range as likely anywhere between the two, by `share` (n, beams - 1) in [0, 1).
+    """
+    step_m = np.subtract(range_m[:, 1:], range_m[:, :-1], out=np.zeros(edges.shape), where=edges)
     out = range_m.copy()
-    out[:, :-1] += np.where(mixed, share[:, :-1] * step, 0.0)
+    out[:, :-1] += np.where(share < 0.5, 2.0 * share * step_m, 0.0)
+    out[:, 1:] -= np.where(share < 0.5, 0.0, (2.0 * share - 1.0) * step_m)
     return out

@@ -1,4 +1,4 @@
-"""A warehouse: twelve identical aisles of 40 m, 3 m apart, between racks with uprights and pallets."""
+"""A warehouse: twelve identical aisles of 40 m, 3 m apart, between racks with uprights and pallets, or closed ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ UPRIGHT_M = 0.1
 PALLET_SETBACK_M = 0.12
 PALLET_WIDTH_M = 1.1
 EMPTY_PLACES = 0.08
+CLOSED_RACKS = (0.0, 0.5, 1.0)  # shares, of which a drive has one
 
 
 def _aisle_x(aisle: int) -> float:
@@ -35,15 +36,24 @@ def _corners() -> Floats:
     return np.array(corners)
 
 
-ROUTE = RoutePlan(_corners(), length_m=800.0, duration_s=1920.0, wiggle_m=0.15)
+ROUTE = RoutePlan(_corners(), length_m=800.0, duration_s=2050.0, wiggle_m=0.15)
 RADIO = RadioPlan(inside=(-3.0, -3.0, 42.0, 47.0), inside_sites=9, margin_m=15.0, outside_sites=80, hotspots=6)
 
 
 def surfaces(drive: TrueMotion, rng: np.random.Generator) -> Surfaces:  # noqa: ARG001 - every world has this signature
-    """Outer walls, racks on both sides of every aisle, and the pallets in them."""
+    """Outer walls, and racks on both sides of every aisle: open ones with pallets, and closed ones."""
     shell = box(-SPACING_M, SOUTH_M - 2.5, SPACING_M * (AISLES + 2), NORTH_M + 2.5)
-    racks = [_rack(_aisle_x(side) + SPACING_M / 2, rng) for side in range(AISLES + 1)]
+    sides = [_aisle_x(side) + SPACING_M / 2 for side in range(AISLES + 1)]
+    open_racks = [_rack(x, rng) for x in sides]
+    closed = rng.random(len(sides)) < rng.choice(CLOSED_RACKS)
+    racks = [_closed_rack(x) if shut else rack for x, rack, shut in zip(sides, open_racks, closed, strict=True)]
     return still(np.vstack([shell, *racks]))
+
+
+def _closed_rack(x: float) -> Floats:
+    """(4, 4) faces of a rack with a panel on each side: two walls, one depth of a rack apart."""
+    half = RACK_DEPTH_M / 2
+    return box(x - half, RACK_SOUTH_M, x + half, RACK_NORTH_M)
 
 
 def _rack(x: float, rng: np.random.Generator) -> Floats:

@@ -57,11 +57,16 @@ def replay(
 
 
 def simulate(
-    world: Annotated[str, typer.Argument(help="carpark, office, warehouse or campus.")],
+    world: Annotated[str, typer.Argument(help="carpark, office, warehouse, campus, corridor or ring.")],
     out: Annotated[Path, typer.Option(help="Folder for recording.mcap and truth.tum.")],
     seed: Annotated[int, typer.Option(min=0, help="The same bytes for the same seed.")] = 0,
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Cut the drive; full scale without.")] = None,
-    rough: Annotated[bool, typer.Option("--rough/--ideal", help="Sensors as they are, or at their best.")] = True,
+    robot: Annotated[
+        str | None, typer.Option(help="ideal (noise alone), typical (the default), cheap (coarse laser, poor wheels).")
+    ] = None,
+    rough: Annotated[
+        bool | None, typer.Option("--rough/--ideal", help="The same as --robot typical, or --robot ideal.")
+    ] = None,
     points: Annotated[bool, typer.Option("--points", help="A 16-beam 3D LiDAR in place of the planar one.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -70,11 +75,13 @@ def simulate(
     with command_output(quiet, as_json) as output:
         from wayfi.recordings.simulation.recorder import simulate
         from wayfi.recordings.simulation.worlds import World
+        from wayfi.service.cli.robots import robot_model
 
         if world not in list(World):
             raise typer.BadParameter(f"there is no world {world!r}; there are {', '.join(World)}")
+        model = robot_model(robot, rough)
         with output.progress(f"simulate {world}") as progress:
-            made = simulate(World(world), out, seed, minutes, progress, rough, points)
+            made = simulate(World(world), out, seed, minutes, progress, model, points)
         output.say(f"{made.path_length_m:.0f} m in {made.duration_s:.0f} s, {made.messages} messages: {made.recording}")
         output.result(
             {

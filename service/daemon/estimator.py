@@ -26,6 +26,7 @@ from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
 from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.process.collection import loaded_objects_left_alone
 from wayfi.service.process.compilation import watch_compilation
 from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
@@ -152,7 +153,9 @@ def main() -> None:
     os.nice(NICENESS)
     incoming, outgoing = (int(word) for word in sys.argv[1:3])
     try:
-        Estimator(Connection(incoming, writable=False), Connection(outgoing, readable=False)).run()
+        estimator = Estimator(Connection(incoming, writable=False), Connection(outgoing, readable=False))
+        with loaded_objects_left_alone():
+            estimator.run()
     except (EOFError, BrokenPipeError):
         os._exit(1)
 

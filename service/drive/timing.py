@@ -3,8 +3,6 @@
 import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -20,12 +18,12 @@ class StageTimer:
         self._stages: defaultdict[str, StageCost] = defaultdict(StageCost)
         self._last: dict[str, float] = {}
 
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
+    def __call__(self, stage: str) -> "_Timed":
         """Time what runs inside, as one call of `stage`."""
-        start = time.perf_counter()
-        yield
-        seconds = time.perf_counter() - start
+        return _Timed(self, stage)
+
+    def add(self, stage: str, seconds: float) -> None:
+        """Add a call of `stage`."""
         self._stages[stage].add(seconds)
         self._last[stage] = seconds
 
@@ -37,6 +35,22 @@ class StageTimer:
     def report(self) -> dict[str, dict[str, float]]:
         """For each stage: seconds in all; ms of a call: p50, p99, max, and the means of the first and last tenth."""
         return {stage: cost.summary() for stage, cost in sorted(self._stages.items())}
+
+
+class _Timed:
+    """The context in which one call of a stage runs; a call that raises is not counted."""
+
+    __slots__ = ("_stage", "_start_s", "_timer")
+
+    def __init__(self, timer: StageTimer, stage: str) -> None:
+        self._timer, self._stage = timer, stage
+
+    def __enter__(self) -> None:
+        self._start_s = time.perf_counter()
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._timer.add(self._stage, time.perf_counter() - self._start_s)
 
 
 class StageCost:

@@ -1,6 +1,6 @@
 """A short simulated drive before the real one: code that is compiled or loaded at first use is ready afterwards.
 
-numba compiles 38 functions, and 135 of its own for them, in 22 s on a free core and in a minute on a busy machine: once
+numba compiles 40 functions, and 135 of its own for them, in 22 s on a free core and in a minute on a busy machine: once
 for each machine, user and version of the sources. Loading them takes 1 s. None is compiled for two types of array, so
 fewer signatures would save nothing; a quarter of the time goes into three calls of numpy (solve, argsort, sort).
 `wayfi warm-up` compiles at installation. numba keeps the code in NUMBA_CACHE_DIR, else next to the sources, else in the
@@ -13,7 +13,10 @@ from functools import cache
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.closures.closure_config import ConsensusConfig
+from wayfi.frontends.closures.consensus import Pairs, best_hypothesis, headings_of
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
+from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.topics import Encoding
@@ -42,6 +45,7 @@ def warm_up() -> None:
     compiled = []
     with watch_compilation(lambda number, _: compiled.append(number)):
         _drive(_scan)
+        _search()
     if compiled:
         _drive(_cloud)
 
@@ -51,6 +55,14 @@ def _drive(sense: Sense) -> None:
     for sensor, measurement in _measurements(sense):
         drive.feed(sensor, Encoding.CDR, encode(measurement))
     drive.finish()
+
+
+def _search() -> None:
+    """Search a turn bias, which the drive is too short for."""
+    one, place = np.zeros(1, np.int64), np.zeros((1, 2))
+    pairs = Pairs(one, one + 1, place, place, np.ones(1), np.ones(1), np.ones(1))
+    prior = calibration_prior(OdometryConfig())
+    best_hypothesis(np.zeros((1, 5)), np.full((1, 3), np.nan), pairs, headings_of([]), prior, ConsensusConfig())
 
 
 def _measurements(sense: Sense) -> Iterator[tuple[Sensor, Measurement]]:

@@ -19,6 +19,7 @@ from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
+from wayfi.service.process.collection import loaded_objects_left_alone
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer, Replayer
@@ -74,7 +75,8 @@ def replay(
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
             warm_up()  # else the first tenth of the drive would pay for what is loaded once
-            _play_all(recording, replayer, options.rate, progress, stop)
+            with loaded_objects_left_alone():
+                _play_all(recording, replayer, options.rate, progress, stop)
         drive = replayer.drive
         result = drive.finish()
     except BaseException:

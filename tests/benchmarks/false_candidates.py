@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from run import RESULTS, Case, chosen, commit, make, row, say
+from cases import Case, chosen, make
+from results_file import RESULTS, commit, row, say
 
 from wayfi.frontends import slam
 from wayfi.frontends.measurements import LaserScan, Measurement

@@ -18,7 +18,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from run import RESULTS, Case, chosen, commit, make, row, say
+from cases import Case, chosen, make
+from results_file import RESULTS, commit, row, say
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures import lidar_closer

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from run import RESULTS, commit, row, say
+from results_file import RESULTS, commit, row, say
 
 from wayfi.frontends.wifi.access_points import AccessPoints
 from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex

@@ -45,3 +45,15 @@ def test_a_keyframe_is_due_by_path_by_turn_and_by_time_if_the_robot_moved(way: W
 def test_a_factor_stretches_the_distance_between_keyframes() -> None:
     assert keyframe_due(motion(0.3), CONFIG, 0.5)
     assert not keyframe_due(motion(0.9), CONFIG, 2.0)
+
+
+def test_a_robot_that_was_moved_begins_a_piece_of_its_own() -> None:
+    keyframes = Keyframes()
+    for k in range(6):
+        if k in (2, 5):
+            keyframes.begin_piece(15.0)
+        keyframes.append(Keyframe(PathPoint(k, Pose2(), 0.5 * k), None))
+    assert [keyframes.piece(k) for k in range(6)] == [(0, 2), (0, 2), (2, 5), (2, 5), (2, 5), (5, 6)]
+    assert keyframes.paths_m.tolist() == [0.0, 0.5, 16.0, 16.5, 17.0, 32.5]
+    keyframes.move(3, PathPoint(3, Pose2(), 1.6))
+    assert keyframes.paths_m[3] == pytest.approx(16.6)

@@ -94,11 +94,9 @@ def _changed(m: Measurement, fault: Fault) -> Measurement | None:
 
 
 def simulated(mount: Pose2 = T_BASE_LASER) -> Recorded:
-    """Six minutes of the rough car park, some of it driven twice."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation, "T_BASE_LASER", mount)
-        made = start(World.CARPARK, 0, MINUTES)
-        measurements = list(simulation.measurements(made))
+    """Six minutes of a typical robot in the car park, some of it driven twice."""
+    made = replace(start(World.CARPARK, 0, MINUTES), T_base_laser=mount)
+    measurements = list(simulation.measurements(made))
     return Recorded(measurements, made.truth, run(measurements, made.truth))
 
 

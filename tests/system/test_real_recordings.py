@@ -1,32 +1,59 @@
 """Recordings of real robots: each replays with the defaults, leaves all files, and is as near to its reference as ever.
 
-The WiFi of intel_wifi is simulated.
+Bounds are at most 1.5 times what was measured (tests/benchmarks/RESULTS.md). The WiFi of intel_wifi is simulated, and
+so are the wheels and the WiFi of killian_part.
 """
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
+from benchmarks.crispness import hits, wall_area_m2
 from drives import RESULT_FILES, replay_by_cli
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.service.evaluation.evaluate import evaluate
+from wayfi.service.evaluation.evaluate import evaluate, read_relations
+from wayfi.service.evaluation.trajectory_scores import relation_error
 
-BOUND_M = {
-    "b14test1": 0.29,
-    "b24test2": 0.25,
-    "b3test2": 1.0,
-    "flat_calib3": 0.8,
-    "intel": 0.25,
-    "intel_wifi": 0.25,
+SLOW = pytest.mark.slow
+# ATE RMSE, m, final and online; without a laser and before the first loop the online pose follows the wheels
+BOUNDS_M = {
+    "b14test1": (0.45, 5.8),
+    "b24test2": (0.68, math.inf),
+    "b3test2": (1.0, math.inf),
+    "flat_calib3": (0.6, 0.56),
+    "intel": (0.11, 0.18),
+    "intel_wifi": (0.11, 0.2),
+    "killian_part": (1.1, 2.8),
+    "fr101": (0.11, 0.22),
+    "belgioioso": (0.25, 1.0),
+    "seattle": (0.057, 0.19),
+    "ilc_site1F1": (4.3, 4.3),
 }
-ONLINE_BOUND_M = {"b14test1": 3.4, "b24test2": 7.0, "b3test2": 2.6}  # nothing but the axes of the building helps
+RELATIONS_M = {"fr079_raw": 0.07}
+# The area that the laser's hits fill: 1.15 times the measured one, for a corridor drawn twice makes it 1.3 times that
+WALLS_M2 = {
+    "wean2": 10.9,
+    "okazaki_dec13": 4.9,
+    "okazaki_feb13": 3.3,
+    "mines_exp1": 9.5,
+    "tb4_mac2": 8.4,
+    "leg_three_lasers": 12.3,
+}
+SETTINGS = {"leg_three_lasers": ["recording.scan=/rear_scan"]}
 LED_BY_LASER = {"flat_calib3": 46}  # scans of the seconds before the first odometry and after the last
+LONG = {"intel_wifi", "killian_part", "belgioioso", "seattle", "fr101", "fr079_raw", "wean2"}
 
 
-@pytest.mark.parametrize("name", BOUND_M)
+def recordings(bounds: dict[str, Any]) -> list[Any]:
+    """The names of recordings as parameters; those that take long are marked."""
+    return [pytest.param(name, marks=SLOW if name in LONG else ()) for name in bounds]
+
+
+@pytest.mark.parametrize("name", recordings(BOUNDS_M))
 def test_a_real_recording_is_near_its_reference(name: str, real_data: Path, tmp_path: Path) -> None:
     recording, truth = real_data / name / "recording.mcap", real_data / name / "truth.tum"
     report = replay_by_cli(recording, tmp_path)
@@ -36,11 +63,26 @@ def test_a_real_recording_is_near_its_reference(name: str, real_data: Path, tmp_
     accepted = report["messages"]["/odom"] - sum(report["dropped"].get("/odom", {}).values())
     assert len(read_tum(tmp_path / "trajectory.tum")) == accepted + by_laser
     assert ("no odometry: the laser leads" in report["warnings"]) == (by_laser > 0)
-    evaluation = evaluate(tmp_path, truth)
-    final = evaluation.final.alignment.error
-    assert final.not_covered == 0
-    assert final.ate_rmse_m < BOUND_M[name]
-    assert evaluation.online.alignment.error.ate_rmse_m < ONLINE_BOUND_M.get(name, math.inf)
+    scores = evaluate(tmp_path, truth)
+    assert scores.final.alignment.error.not_covered == 0
+    final_m, online_m = (score.alignment.error.ate_rmse_m for score in (scores.final, scores.online))
+    assert final_m < BOUNDS_M[name][0]
+    assert online_m < BOUNDS_M[name][1]
+
+
+@pytest.mark.parametrize("name", recordings(RELATIONS_M))
+def test_checked_relations_hold(name: str, real_data: Path, tmp_path: Path) -> None:
+    replay_by_cli(real_data / name / "recording.mcap", tmp_path, "--no-rrd")
+    error = relation_error(read_tum(tmp_path / "trajectory.tum"), read_relations(real_data / name / "relations.txt"))
+    assert error.not_covered == 0
+    assert error.translation_mean_m is not None
+    assert error.translation_mean_m < RELATIONS_M[name]
+
+
+@pytest.mark.parametrize("name", recordings(WALLS_M2))
+def test_walls_are_drawn_once(name: str, real_data: Path) -> None:
+    points = hits(real_data / name / "recording.mcap", SETTINGS.get(name, []))
+    assert wall_area_m2(points) < WALLS_M2[name]
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +95,7 @@ def learnt(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_wheels_and_wifi_are_located_as_they_drive_once_a_loop_is_closed(learnt: Path, real_data: Path) -> None:
     evaluation = evaluate(learnt, real_data / "b14test1" / "truth.tum")
-    assert evaluation.online.alignment.error.ate_rmse_m < ONLINE_BOUND_M["b14test1"]
+    assert evaluation.online.alignment.error.ate_rmse_m < 4.0
     wifi = evaluation.closures[ClosureKind.WIFI]
     assert wifi.accepted >= 10
     assert wifi.precision is not None
@@ -67,7 +109,7 @@ def test_what_one_building_taught_of_the_wheels_holds_in_the_next(
     recording, truth = real_data / name / "recording.mcap", real_data / name / "truth.tum"
     replay_by_cli(recording, tmp_path, "--no-rrd", "--calibration", learnt / "calibration.toml")
     evaluation = evaluate(tmp_path, truth)
-    assert evaluation.final.alignment.error.ate_rmse_m < BOUND_M[name]
+    assert evaluation.final.alignment.error.ate_rmse_m < BOUNDS_M[name][0]
     assert evaluation.online.alignment.error.ate_rmse_m < 2.5
     wifi = evaluation.closures[ClosureKind.WIFI]
     assert wifi.right == wifi.scored > 0

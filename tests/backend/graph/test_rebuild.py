@@ -1,6 +1,7 @@
 """Closures far off, and a restart from elsewhere: the graph is optimised as a whole, and goes on from there."""
 
 import math
+import pickle
 
 import numpy as np
 from graphs import ARC, CLOSURE, PRIOR, STEP, chain, drive, errors_m, loops
@@ -18,7 +19,7 @@ def test_a_closure_far_off_is_optimised_anew_and_converges() -> None:
     assert errors_m(graph, recorded.truth)[-1] > 2.0
     for a in (0, 1):
         graph.add(BetweenFactor(a, 80 - a, recorded.truth[a].between(recorded.truth[80 - a]), CLOSURE))
-    graph.update()
+    graph.update(work=math.inf)
     assert errors_m(graph, recorded.truth).max() < 0.3
     assert abs(graph.calibration().values[2] - 0.03) < 0.01
 
@@ -28,7 +29,7 @@ def test_a_closure_far_off_converges_where_no_wheels_are() -> None:
     graph = chain(bent)
     assert math.hypot(graph.pose(60).x, graph.pose(60).y) > 5.0
     graph.add(BetweenFactor(0, 60, Pose2(), CLOSURE * 0.01))
-    graph.update()
+    graph.update(work=math.inf)
     end = graph.pose(60)
     assert math.hypot(end.x, end.y) < 0.05
     assert abs(end.theta) < 0.02
@@ -47,7 +48,7 @@ def test_restarting_at_the_solution_keeps_it_and_what_comes_after_still_works() 
     before, covariance = graph.poses(), graph.covariance(160)
     graph.restart(graph.calibrations(), before)
     assert graph.pending
-    graph.update()
+    graph.update(work=math.inf)
     assert not graph.pending
     np.testing.assert_allclose(between_all(before, graph.poses()), 0, atol=0.015)
     np.testing.assert_allclose(graph.covariance(160), covariance, rtol=0.05, atol=1e-6)
@@ -79,3 +80,53 @@ def test_keyframes_that_come_after_a_restart_was_asked_for_follow_on_from_it() -
     summary = graph.update()
     assert (summary.added, summary.factors) == (1, 11)
     assert graph.pose(11).distance(graph.pose(10) @ step) < 1e-6
+
+
+def test_a_rebuild_of_a_large_graph_takes_several_updates_of_bounded_work_and_comes_to_the_same() -> None:
+    recorded = loops(np.array([0.0, 0.0, 0.02, 0.0]), 2)
+    graphs = [PoseGraph(BackendConfig(), PRIOR) for _ in range(2)]
+    for graph, work in zip(graphs, (math.inf, 200), strict=True):
+        drive(graph, recorded, {})
+        graph.add(BetweenFactor(0, 160, Pose2(), CLOSURE))
+        updates = 1
+        while not graph.update(work).moved:
+            assert graph.restarts
+            assert errors_m(graph, recorded.truth)[-1] > 1.0
+            updates += 1
+        assert not graph.restarts
+        assert updates == 1 if work == math.inf else 3 < updates < 100
+    np.testing.assert_allclose(graphs[0].poses(), graphs[1].poses(), atol=1e-9)
+
+
+def test_what_comes_and_goes_during_a_rebuild_is_in_its_result() -> None:
+    recorded = loops(np.array([0.0, 0.0, 0.02, 0.0]), 2)
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    drive(graph, recorded, {})
+    gone = graph.add(BetweenFactor(0, 80, Pose2(3.0, 0.0, 0.0), CLOSURE))
+    graph.update(work=1)
+    graph.remove(gone)
+    end = graph.keyframes
+    graph.add_keyframe(graph.pose(end - 1) @ Pose2(0.5, 0.0, 0.0))
+    graph.add(BetweenFactor(end - 1, end, Pose2(0.5, 0.0, 0.0), STEP))
+    kept = graph.add(BetweenFactor(0, 160, Pose2(), CLOSURE))
+    assert graph.restarts
+    while graph.restarts:
+        graph.update(work=1)
+    graph.settle()
+    assert gone not in graph.factors()
+    assert kept in graph.factors()
+    assert errors_m(graph, recorded.truth)[160] < 0.1
+    assert graph.pose(160).distance(graph.pose(end)) < 0.6
+
+
+def test_a_rebuild_under_way_begins_again_after_a_checkpoint() -> None:
+    recorded = loops(np.array([0.0, 0.0, 0.02, 0.0]), 2)
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    drive(graph, recorded, {})
+    graph.add(BetweenFactor(0, 160, Pose2(), CLOSURE))
+    graph.update(work=1)
+    restored: PoseGraph = pickle.loads(pickle.dumps(graph))
+    assert restored.restarts
+    for one in (graph, restored):
+        one.settle()
+    np.testing.assert_allclose(restored.poses(), graph.poses(), atol=0.02)

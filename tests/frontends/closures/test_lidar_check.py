@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_check import (
+    OPEN_ALONG,
     CheckResult,
     Expected,
     check,
@@ -80,6 +81,33 @@ def test_a_corridor_is_refused_since_its_walls_leave_it_open_along_them(heading:
     done = checked(CORRIDOR, a, a @ T_a_b, T_a_b, WIDE, config=replace(CONFIG, max_sigma_m=0.85))
     assert done.refused == "the walls leave the pose open along them"
     assert done.second_peak > CONFIG.max_second_peak
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, math.pi])
+def test_walls_that_leave_the_pose_open_along_them_still_tell_the_rest(heading: float) -> None:
+    a = Pose2(0.0, 0.3, heading)
+    for seed in range(5):
+        T_a_b = a.between(Pose2(0.6, -0.2, heading + 0.1))
+        guess = T_a_b @ Pose2(0.3, 0.1, 0.05)
+        done = checked(CORRIDOR, a, a @ T_a_b, guess, seed=seed)
+        across, turned = (a @ done.T_a_b).y + 0.2, wrap(done.T_a_b.theta - T_a_b.theta)
+        along = np.array([math.cos(heading), -math.sin(heading)])
+        sideways = np.array([math.sin(heading), math.cos(heading)])
+        assert done.refused == OPEN_ALONG
+        assert done.walls_agree
+        assert abs(across) < 0.02
+        assert abs(turned) < 0.006
+        assert along @ done.covariance[:2, :2] @ along >= CONFIG.open_sigma_m**2
+        assert math.sqrt(sideways @ done.covariance[:2, :2] @ sideways) < 0.05
+
+
+def test_walls_that_run_another_way_do_not_agree() -> None:
+    narrow = np.diag([1.0, 0.02**2, 0.005**2])
+    turned = checked(CORRIDOR, Pose2(), Pose2(0.5, 0.0, 0.08), Pose2(0.5, 0.0, 0.0), narrow)
+    assert not turned.walls_agree
+    hall = checked(HALL, Pose2(), Pose2(0.5, 0.0, 0.0), Pose2(0.5, 0.0, 0.0))
+    assert not hall.refused
+    assert not hall.walls_agree
 
 
 def test_a_place_out_of_the_ellipse_is_not_looked_for() -> None:

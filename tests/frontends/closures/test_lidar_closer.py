@@ -84,6 +84,22 @@ def test_a_candidate_is_open_where_the_estimate_knows_less_than_wifi_claims() ->
         assert (outcome.closed, outcome.open) == (False, is_open)
 
 
+def test_what_walls_say_of_a_wifi_candidate_is_kept_until_scans_are_withdrawn() -> None:
+    run, fixed = drive(2.2, bias=0.005), ClosureConfig()
+    candidate = run.candidate(3, run.last)
+    closing = closer(run, replace(fixed, max_sigma_m=1e-6))  # as if every place were a corridor
+    assert closing.walls(candidate) is None
+    closing.close_by_wifi(candidate, 0, run.poses())
+    walls = closing.walls(candidate)
+    assert walls is not None
+    assert (walls.a, walls.b) == (3, run.last)
+    assert np.linalg.eigvalsh(walls.covariance)[-1] >= fixed.open_sigma_m**2
+    for sigma_m, is_open in ((0.1, True), (100.0, False)):  # of WiFi, beside which the estimate is loose, or sure
+        assert closing.close_by_wifi(run.candidate(3, run.last, sigma_m), 0, run.poses()).open is is_open
+    closing.withdraw("the scans are forgotten")
+    assert closing.walls(candidate) is None
+
+
 def test_wifi_is_not_asked_where_the_way_is_closed() -> None:
     run = drive(2.2)
     closing = closer(run, replace(ClosureConfig(), closed_m=1000.0))

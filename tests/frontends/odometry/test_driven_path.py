@@ -136,3 +136,37 @@ def test_odometry_that_goes_on_while_nobody_looks_is_believed() -> None:
     assert latest is not None
     assert latest.path_m == pytest.approx(4.0)
     assert latest.discontinuities == 0
+
+
+def test_a_leap_says_how_far_and_hides_a_motion_unless_it_leads_to_the_origin_at_once() -> None:
+    away, restarted = driven([]), DrivenPath(OdometryConfig())
+    assert not away.advance(3 * S, Pose2(20.0, 0.0, 0.5))
+    assert away.leapt_m == pytest.approx(20.0)
+    restarted.advance(0, Pose2(8.0, 6.0, 0.5))
+    assert not restarted.advance(S // 10, Pose2())
+    assert restarted.leapt_m == pytest.approx(10.0)
+    assert away.latest is not None
+    assert restarted.latest is not None
+    assert restarted.latest.discontinuities == 0
+    assert restarted.advance(S // 5, Pose2(0.01, 0.0, 0.0))
+    assert restarted.leapt_m == 0.0
+
+
+@pytest.mark.parametrize(("seconds", "lands", "unknown"), [(0.1, 0.0, 0), (2.0, 0.0, 1), (0.1, 30.0, 1)])
+def test_what_a_restart_hides_depends_on_its_time_and_place(seconds: float, lands: float, unknown: int) -> None:
+    path = DrivenPath(OdometryConfig())
+    path.advance(0, Pose2(20.0, 6.0, 0.5))
+    assert not path.advance(round(seconds * S), Pose2(lands, 0.0, 0.0))
+    assert path.latest is not None
+    assert path.latest.discontinuities == unknown
+
+
+def test_lengths_of_many_moments_are_those_of_each() -> None:
+    path = DrivenPath(CONFIG)
+    for k in range(50):
+        path.advance(1_000 + 100_000_007 * k, Pose2(0.01 * k * k, 0.0, 0.0))
+    stamps_ns = np.concatenate([np.arange(0, 5_200_000_000, 33_333_333), [1_000, 1_000 + 49 * 100_000_007]])
+    points = [path.at(int(stamp_ns)) for stamp_ns in stamps_ns]
+    expected = [point.path_m if point else math.nan for point in points]
+    assert 0 < np.isnan(expected).sum() < len(expected) / 2
+    np.testing.assert_array_equal(path.lengths_at(stamps_ns), expected)

@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from wayfi.frontends.measurements import LaserScan
 from wayfi.recordings.simulation import campus
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 
 Floats = NDArray[np.float64]
 
-CAMPUS = start(World.CAMPUS, seed=0, rough=False)
+CAMPUS = start(World.CAMPUS, seed=0, robot=Robot.IDEAL)
 
 
 def test_two_kilometres() -> None:

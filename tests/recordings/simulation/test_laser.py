@@ -10,7 +10,8 @@ from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.measurements import LaserScan, StaticTransforms
 from wayfi.recordings.simulation import laser, surfaces
 from wayfi.recordings.simulation.laser import UST_20LX, Sweeps
-from wayfi.recordings.simulation.run import EPOCH_NS, T_BASE_LASER, Run, measurements, scans, start
+from wayfi.recordings.simulation.robots.models import Robot
+from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, scans, start
 from wayfi.recordings.simulation.surfaces import Surfaces
 from wayfi.recordings.simulation.worlds import World
 
@@ -54,7 +55,7 @@ def test_what_moves_is_where_it_is_now() -> None:
 
 
 def test_noise_is_one_to_three_centimetres() -> None:
-    run = start(World.OFFICE, 0, minutes=0.5, rough=False)
+    run = start(World.OFFICE, 0, minutes=0.5, robot=Robot.IDEAL)
     times_s = np.arange(0.0, 30.0, 1.0)
     poses = compose_all(run.drive.poses(times_s), np.array([0.2, 0.0, 0.0]))
     exact = laser.ranges(run.surfaces, poses, times_s)
@@ -65,7 +66,7 @@ def test_noise_is_one_to_three_centimetres() -> None:
 
 
 def test_scans_are_seen_from_the_laser_in_front_of_the_base() -> None:
-    run = start(World.OFFICE, 0, minutes=0.1, rough=False)
+    run = start(World.OFFICE, 0, minutes=0.1, robot=Robot.IDEAL)
     received = list(measurements(run))
     transforms = next(m for m in received if isinstance(m, StaticTransforms)).transforms
     scan = next(m for m in received if isinstance(m, LaserScan))
@@ -127,7 +128,7 @@ def test_what_moves_goes_on_during_the_sweep() -> None:
 def test_a_turn_of_the_mirror_takes_25_ms() -> None:
     assert UST_20LX.time_increment_s * 1440 == pytest.approx(0.025)
     assert {scan.time_increment_s for scan in scans(start(World.OFFICE, 0, 0.1))} == {UST_20LX.time_increment_s}
-    assert {scan.time_increment_s for scan in scans(start(World.OFFICE, 0, 0.1, rough=False))} == {0.0}
+    assert {scan.time_increment_s for scan in scans(start(World.OFFICE, 0, 0.1, robot=Robot.IDEAL))} == {0.0}
 
 
 def turning_scans(run: Run, turns_over_rad_s: float) -> list[LaserScan]:
@@ -149,7 +150,7 @@ def test_points_of_a_turning_scan_fall_on_the_walls_at_the_stated_times() -> Non
         hit = np.isfinite(scan.ranges) & (scan.ranges > 3.0) & (scan.ranges < 10.0)
         for in_time in (True, False):
             moment_s = first_s + in_time * scan.time_increment_s * beam
-            poses = compose_all(run.drive.poses(moment_s), T_BASE_LASER.array())
+            poses = compose_all(run.drive.poses(moment_s), run.T_base_laser.array())
             walls = faces_at(run.surfaces.where(~run.surfaces.moves), first_s)
             off[in_time].append(float(np.median(distances_m(points(poses, scan.ranges)[hit], walls))))
     assert np.mean(off[True]) < 0.012

@@ -9,6 +9,7 @@ from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import PointCloud, StaticTransforms
 from wayfi.recordings.simulation import lidar3d
 from wayfi.recordings.simulation.lidar3d import CEILING_M, COLUMNS, ELEVATIONS, HEIGHT_M, heights, level_distances
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import mount, start
 from wayfi.recordings.simulation.spatial import clouds, spatial_measurements
 from wayfi.recordings.simulation.surfaces import Material, Surfaces, box, join, moving, still
@@ -102,7 +103,7 @@ def test_a_run_gives_the_same_clouds_again_ten_a_second() -> None:
 
 
 def test_points_deskewed_by_the_truth_fit_the_walls() -> None:
-    run = start(World.OFFICE, 0, 0.5, rough=False)
+    run = start(World.OFFICE, 0, 0.5, robot=Robot.IDEAL)
     cloud = list(clouds(run))[-1]
     assert cloud.time_s is not None
     since_s = (cloud.stamp_ns - 1_700_000_000_000_000_000) * 1e-9
