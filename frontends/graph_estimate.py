@@ -69,12 +69,15 @@ class GraphEstimate:
         residual_m = self._step_residual_m()
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 
-    def observe(self, stamp_ns: int, doubt: Health | None = None) -> list[Event]:
-        """Read the newest pose's covariance; returns a change of health (see `judge`), now and then the calibration."""
+    def observe(self, stamp_ns: int, variance_factor: float = 1.0, doubt: Health | None = None) -> list[Event]:
+        """Read the newest pose's covariance; returns a change of health (see `judge`), now and then the calibration.
+
+        The graph's covariance is multiplied by `variance_factor`, unless the robot is in doubt.
+        """
         events: list[Event] = []
         number = len(self._keyframes) - 1
         with self._timer("backend"):
-            self.covariance = self._graph.covariance(number)
+            self.covariance = self._graph.covariance(number) * (1.0 if doubt else variance_factor)
             if number % CALIBRATION_EVERY == 0:
                 calibration = self._graph.calibration()
                 events.append(CalibrationUpdated(stamp_ns, calibration.values, calibration.sigmas))

@@ -101,7 +101,9 @@ class SlamCore:
         with self._timer("closure"):
             events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
             events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
-        return events + self._estimate.observe(point.stamp_ns, self.steps.doubt)
+        return events + self._estimate.observe(
+            point.stamp_ns, self._lidar_closer.variance_factor.value, self.steps.doubt
+        )
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own; close loops by the fingerprint that it completes."""

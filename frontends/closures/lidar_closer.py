@@ -7,6 +7,7 @@ import numpy as np
 from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.graph.variance_factor import VarianceFactor
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_check import (
@@ -49,7 +50,10 @@ class CheckOutcome:
 
 
 class LidarCloser:
-    """Adds factors to the graph for candidates that pass the check, and removes those that the graph contradicts."""
+    """Adds factors to the graph for candidates that pass the check, and removes those that the graph contradicts.
+
+    `variance_factor` is what the accepted ones say of the graph's covariances.
+    """
 
     def __init__(
         self,
@@ -63,6 +67,7 @@ class LidarCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
+        self.variance_factor = VarianceFactor(closure.variance_prior)
         self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
 
@@ -158,6 +163,9 @@ class LidarCloser:
             done = check(scan, scans, placed, expected, self._closure, self._lidar)
         if done is None:
             return [self._enter(proposed, _unchecked(expected, "too few points to check"))]
+        if not done.refused and proposed.proposed_by == "estimate":
+            claimed = Expected(expected.T_a_b, expected.covariance - self._drift(a, b))
+            self.variance_factor.add(innovation_chi2(claimed, done.T_a_b, done.covariance), 3)
         shown = CheckDone(
             stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
         )
@@ -165,10 +173,13 @@ class LidarCloser:
 
     def _expected(self, a: int, b: int, poses: Floats) -> Expected:
         """T_a_b by the estimate; its covariance includes systematic drift, which the graph's factors leave out."""
-        path_m = self._shortest_path_m(a, b)
-        drift = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m]) * path_m
-        covariance = self._graph.relative_covariance(a, b) + np.diag(drift**2)
+        covariance = self._graph.relative_covariance(a, b) + self._drift(a, b)
         return Expected(Pose2.of(poses[a]).between(Pose2.of(poses[b])), covariance)
+
+    def _drift(self, a: int, b: int) -> Floats:
+        """(3, 3) covariance of what scan matching errs one way between two keyframes."""
+        per_m = np.array([self._closure.drift, self._closure.drift, self._closure.drift_rad_per_m])
+        return np.diag((per_m * self._shortest_path_m(a, b)) ** 2)
 
     def _shortest_path_m(self, a: int, b: int) -> float:
         """The shortest path (m) from keyframe a to b: the driven one, or one over one of the newest closures."""

@@ -152,7 +152,7 @@ def test_a_restart_whose_pairs_do_not_hold_is_undone() -> None:
     events = [e for pair in pairs for e in (*closing.judge(pair, 7, before), *closing.decide(7, before))]
     assert any(isinstance(event, Warned) for event in events)
     assert accepted(run)
-    run.graph.update()
+    update(run.graph)
     assert run.worst_m() > 3.0
     for k in range(run.last):
         run.graph.add(BetweenFactor(k, k + 1, run.truth[k].between(run.truth[k + 1]), np.diag([1e-6, 1e-6, 1e-8])))
