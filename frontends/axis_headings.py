@@ -1,8 +1,10 @@
 """Headings along the axes of the building enter the graph where no scan match tells the heading."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from wayfi.backend.graph.factors import AxisFactor, NearFactor
+from wayfi.backend.graph.factors import AxisFactor, NearFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion, chain, corrected_all
 from wayfi.backend.pose2 import Floats, wrap_all
@@ -31,16 +33,30 @@ class AxisHeadings:
         if not self._config.enabled:
             return
         if self._axes is None:
+            if self._graph.restarts:
+                return  # the wheels' calibration is about to be another
             known = self._graph.calibration() if number > 1 else self._prior
             self._axes, self._start = BuildingAxes(float(poses[-1, 2]), known, self._config), number - 1
         self._axes.add(motion, variance)
         settled = self._axes.settled()
+        if settled and self._newest_wing > self._wings and not self._graph.axes():
+            self.interrupt()  # they were withdrawn
+            return
         for along in settled:
             self._newest_wing = self._wings + along.wing
             keyframe = self._start + along.step
             self._graph.add(AxisFactor(keyframe, self._newest_wing, along.turned, self._config.sigma_rad))
+            if along.slipped:
+                self._doubt_wheels(self._start + along.doubtful_from, keyframe, along.slipped**2)
         if self._bends(settled, poses):
             self._restart(self._axes.calibration, poses)
+
+    def _doubt_wheels(self, first: int, last: int, variance: float) -> None:
+        """Give the wheels' turns between two keyframes `variance` (rad^2) more: they slipped at one of the steps."""
+        steps = {n: f for n, f in self._graph.factors().items() if isinstance(f, WheelFactor) and first < f.b <= last}
+        for number, factor in steps.items():
+            covariance = factor.covariance + np.diag([0.0, 0.0, variance / len(steps)])
+            self._graph.substitute(number, replace(factor, covariance=covariance))
 
     def _bends(self, settled: list[AlongAxis], poses: Floats) -> bool:
         """Whether these samples bend the path by so much that Gauss-Newton steps may diverge."""
@@ -60,3 +76,10 @@ class AxisHeadings:
         motions = [factor.motion for factor in self._graph.wheels()]
         rows = np.array([(*motion.pose.array(), motion.path_m, motion.seconds) for motion in motions])
         self._graph.restart(values, chain(corrected_all(rows, values)))
+
+
+def withdraw_axes(graph: PoseGraph) -> None:
+    """Remove what the axes told from the graph; what follows begins anew, with what is known of the wheels then."""
+    for number, factor in graph.factors().items():
+        if isinstance(factor, AxisFactor):
+            graph.remove(number)

@@ -8,12 +8,14 @@ import numpy as np
 from wayfi.backend.graph.axes_chain import AxesChain, AxesStates
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.balance import BLOCK, blocks_ending_at, dissection
+from wayfi.backend.graph.batch import of_gtsam
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import Factor
 from wayfi.backend.graph.gtsam_factors import calibration_key, gtsam_factor, origin_factor, pose_key
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
+MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
 REORDERED_SHARE = 0.65  # gtsam's own: where an update touches more of the states, it orders all of them anew
 
 
@@ -85,7 +87,9 @@ class Isam:
         if last >= self.stretches:
             self._chain.add_states(range(self.stretches, last + 1), calibrations, graph, values)
             self.stretches = last + 1
-        self._axes_states.add(factors.values(), lambda keyframe: self._heading(keyframe, poses), graph, values)
+        self._axes_states.add(
+            factors.values(), lambda keyframe: (poses.get(keyframe) or self.pose(keyframe)).theta, graph, values
+        )
         walks = graph.size()
         for factor in factors.values():
             graph.add(gtsam_factor(factor, self._chain.stretch(factor), self._axes.state(factor)))
@@ -98,16 +102,15 @@ class Isam:
         self.keyframes += len(poses)
         self._note_order(result)
 
-    def _heading(self, keyframe: int, poses: Mapping[int, Pose2]) -> float:
-        """Of a keyframe that this has, or that comes now at one of the `poses`."""
-        new = poses.get(keyframe)
-        return new.theta if new else float(self.tree.calculateEstimatePose2(pose_key(keyframe)).theta())
-
     def relinearise(self) -> int:
         """Relinearise what has moved since; returns how many states had."""
         result = self.tree.update()
         self._note_order(result)
         return int(result.getVariablesRelinearized())
+
+    def pose(self, keyframe: int) -> Pose2:
+        """The estimated pose of a keyframe."""
+        return of_gtsam(self.tree.calculateEstimatePose2(pose_key(keyframe)))
 
     def poses(self) -> Floats:
         """(n, 3) estimated poses of all keyframes."""
@@ -123,9 +126,22 @@ class Isam:
         keys = [calibration_key(stretch) for stretch in range(self.stretches)]
         return np.array([self.tree.calculateEstimateVector(key) for key in keys])
 
-    def calibration_covariance(self) -> Floats:
-        """(4, 4) marginal covariance of the calibration on the newest stretch."""
-        return np.asarray(self.tree.marginalCovariance(calibration_key(self.stretches - 1)))
+    def calibration_sigmas(self) -> Floats:
+        """(4,) marginal sigmas of the calibration on the newest stretch."""
+        covariance = self.tree.marginalCovariance(calibration_key(self.stretches - 1))
+        return np.sqrt(np.maximum(np.diag(covariance), MIN_VARIANCE))
+
+    def covariance(self, keyframe: int) -> Floats:
+        """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
+        marginal = np.asarray(self.tree.marginalCovariance(pose_key(keyframe)))
+        return covariance_in_b(marginal, -self.pose(keyframe).theta)
+
+    def relative_covariance(self, a: int, b: int) -> Floats:
+        """(3, 3) covariance of T_a_b in (x, y, theta) of a, from the joint marginal."""
+        joint = self.tree.jointMarginalCovariance([pose_key(a), pose_key(b)]).fullMatrix()
+        T_a_b = self.pose(a).between(self.pose(b))
+        J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
+        return covariance_in_b(J @ joint @ J.T, -T_a_b.theta)
 
     def _note_order(self, result: gtsam.ISAM2Result) -> None:
         """Note whether an update has left the tree deep, which the next one cures."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.axes_chain import AxesChain
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.batch import of_gtsam
 from wayfi.backend.graph.calibration_chain import CalibrationChain
 from wayfi.backend.graph.factors import (
     AxisFactor,
@@ -30,13 +29,11 @@ from wayfi.backend.graph.factors import (
     surprise_m,
     validate,
 )
-from wayfi.backend.graph.gtsam_factors import pose_key
 from wayfi.backend.graph.isam import Isam
 from wayfi.backend.graph.rebuild import Rebuild, continued
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
+from wayfi.backend.pose2 import Floats, Pose2
 
-MIN_VARIANCE = 1e-18  # keeps a sigma above zero where rounding makes a marginal variance zero or negative
 REBUILD_WORK = 1500  # of a rebuild in one update, counted in factors prepared: 20 to 40 ms
 
 
@@ -64,6 +61,7 @@ class PoseGraph:
         self._queued: list[int] = []
         self._queued_poses: dict[int, Pose2] = {}
         self._removed: list[int] = []
+        self._substituted: set[int] = set()  # since the rebuild under way began
         self._requested_start: tuple[Floats, Floats] | None = None
         self._rebuilding: Rebuild | None = None
         self._counted = 0
@@ -103,6 +101,14 @@ class PoseGraph:
             self._queued.remove(number)
         else:
             self._removed.append(self._isam.indices.pop(number))
+
+    def substitute(self, number: int, factor: Factor) -> None:
+        """With the next update, let factor `number` be another between the same keyframes."""
+        self._factors[number] = factor
+        self._substituted.add(number)
+        if number not in self._queued:
+            self._removed.append(self._isam.indices.pop(number))
+            self._queued.append(number)
 
     def update(self, work: float = REBUILD_WORK) -> UpdateSummary:
         """Bring the estimate up to date with everything queued.
@@ -196,6 +202,7 @@ class PoseGraph:
         factors = {number: factor for number, factor in self._factors.items() if number not in left_out}
         start = self._chain.on_every_stretch(calibration, factors.values()), continued(poses, self._steps)
         isam = self._new_isam(start[0][0])
+        self._substituted = set()
         self._rebuilding = Rebuild(factors, (self._chain, self._axes), start, isam, self._config.settle_updates)
         self._requested_start = None
 
@@ -212,9 +219,9 @@ class PoseGraph:
 
     def _adopt(self, isam: Isam) -> None:
         """Go on with the iSAM2 of a rebuild, and queue what has changed since that began."""
-        self._isam = isam
+        self._isam, changed = isam, self._substituted
         self._cached_poses, self._cache_stale = isam.poses(), False
-        self._removed = [isam.indices.pop(n) for n in list(isam.indices) if n not in self._factors]
+        self._removed = [isam.indices.pop(n) for n in list(isam.indices) if n not in self._factors or n in changed]
         self._queued = [number for number in self._factors if number not in isam.indices]
         poses = continued(self._cached_poses, self._steps)
         self._queued_poses = {k: Pose2.of(poses[k]) for k in range(isam.keyframes, self.keyframes)}
@@ -236,7 +243,7 @@ class PoseGraph:
         """T_map_keyframe as estimated; the first guess before the next update."""
         if keyframe in self._queued_poses:
             return self._queued_poses[keyframe]
-        return of_gtsam(self._isam.tree.calculateEstimatePose2(pose_key(keyframe)))
+        return self._isam.pose(keyframe)
 
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`."""
@@ -246,8 +253,7 @@ class PoseGraph:
 
     def calibration(self) -> WheelCalibration:
         """The wheels' calibration on the newest stretch, with its marginal sigmas."""
-        variances = np.diag(self._isam.calibration_covariance())
-        return WheelCalibration(self.calibration_values(), np.sqrt(np.maximum(variances, MIN_VARIANCE)))
+        return WheelCalibration(self.calibration_values(), self._isam.calibration_sigmas())
 
     def calibration_values(self) -> Floats:
         """(4,) the wheels' calibration on the newest stretch without its sigmas, which take longer."""
@@ -259,15 +265,11 @@ class PoseGraph:
 
     def covariance(self, keyframe: int) -> Floats:
         """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
-        theta = self.pose(keyframe).theta
-        return covariance_in_b(np.asarray(self._isam.tree.marginalCovariance(pose_key(keyframe))), -theta)
+        return self._isam.covariance(keyframe)
 
     def relative_covariance(self, a: int, b: int) -> Floats:
         """(3, 3) covariance of T_a_b in (x, y, theta) of a, from the joint marginal. About 1 ms at 3,000 keyframes."""
-        joint = self._isam.tree.jointMarginalCovariance([pose_key(a), pose_key(b)]).fullMatrix()
-        T_a_b = self.pose(a).between(self.pose(b))
-        J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
-        return covariance_in_b(J @ joint @ J.T, -T_a_b.theta)
+        return self._isam.relative_covariance(a, b)
 
     def place_covariance(self, a: int, b: int, place_b: Floats) -> Floats:
         """(2, 2) covariance, in a's axes, of the position in keyframe a of `place_b` (2,) m in keyframe b."""

@@ -38,11 +38,29 @@ _REFERENCE, _OLDEST = 0, 1  # columns of the labels
 
 @dataclass(frozen=True, slots=True)
 class AlongAxis:
-    """At the end of step `step`, counted from 1, the robot headed `turned` rad from an axis of wing `wing`, from 1."""
+    """At the end of step `step`, counted from 1, the robot headed `turned` rad from an axis of wing `wing`, from 1.
+
+    The wheels may have slipped sideways since the end of step `doubtful_from`, by about `slipped` rad.
+    """
 
     step: int
     wing: int
     turned: float
+    doubtful_from: int
+    slipped: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """At the end of step `step` the robot headed `ahead` rad less than on average in the sample.
+
+    The wheels had `turned` rad and driven `path_m` by then.
+    """
+
+    step: int
+    ahead: float
+    turned: float
+    path_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +101,9 @@ class BuildingAxes:
         self._share = config.share_along
         self._steps = self._wing = self._quarters = 0
         self._since: list[tuple[float, float]] = []
-        self._undecided: list[tuple[int, float]] = []
+        self._undecided: list[_Sample] = []
+        self._turned = self._path_m = 0.0
+        self._last: tuple[_Sample, AlongAxis] | None = None
         self.evidence = 0.0
 
     @property
@@ -95,6 +115,7 @@ class BuildingAxes:
     def add(self, motion: WheelMotion, variance: float) -> None:
         """Predict by the next motion, whose turn errs at random by `variance` (rad^2); takes a sample if one is due."""
         self._steps += 1
+        self._turned, self._path_m = self._turned + motion.pose.theta, self._path_m + motion.path_m
         self._predict(motion.pose.theta, motion.path_m, variance)
         self._since = [(ahead - motion.pose.theta, m) for ahead, m in self._since] + [(0.0, motion.path_m)]
         length_m = sum(m for _, m in self._since)
@@ -104,7 +125,7 @@ class BuildingAxes:
             self._since = []
             if np.ptp(headings) > self._config.turning_rad:
                 return
-            self._undecided.append((self._steps, ahead))
+            self._undecided.append(_Sample(self._steps, ahead, self._turned, self._path_m))
             self._split(ahead)
             if len(self._undecided) > _HELD:
                 self._forget_oldest()
@@ -113,8 +134,10 @@ class BuildingAxes:
         """The samples that were driven along an axis, as far as they are decided by now; each once, in order."""
         settled: list[AlongAxis] = []
         while self.evidence >= self._config.min_evidence and len(self._undecided) > self._config.samples_after:
-            if decided := self._decide(*self._undecided[0]):
+            sample = self._undecided[0]
+            if decided := self._decide(sample):
                 settled.append(decided)
+                self._last = sample, decided
             self._forget_oldest()
         return settled
 
@@ -131,7 +154,8 @@ class BuildingAxes:
         nearest = np.round(off / QUARTER)
         along, other = math.log(self._share), self._config.share_other_wing
         parts = [self._all.labelled(math.log(1 - self._share), _NONE)]
-        parts += [self._along(off, nearest + k, along + math.log(1 - other), k == 0) for k in (0, -1, 1)]
+        parts += [self._along(self._all, off, nearest + k, along + math.log(1 - other), k == 0) for k in (0, -1, 1)]
+        parts.append(self._after_slip(off, nearest, along + math.log(self._config.share_slip)))
         parts.append(self._in_other_wing(ahead, np.abs(off - nearest * QUARTER), along + math.log(other)))
         joined = _joined(parts)
         total = _log_sum(joined.log_weight)
@@ -141,16 +165,25 @@ class BuildingAxes:
         share = min(share, self._config.most_along)
         self._share += (share - self._share) / self._config.memory_samples
 
-    def _along(self, off: Floats, axis: Floats, gain: float, is_nearest: bool) -> _Hypotheses:
-        """All hypotheses updated by a sample `off` (h,) rad from the axes' direction, driven along `axis` (h,)."""
-        P = self._all.covariance
+    def _after_slip(self, off: Floats, nearest: Floats, gain: float) -> _Hypotheses:
+        """The hypotheses that the wheels have slipped sideways since the sample before, which is along the axes."""
+        rows = np.abs(off - nearest * QUARTER) > self._config.sigma_rad
+        before = self._all.chosen(rows)
+        slip = np.diag([self._config.slip_rad**2, 0.0, 0.0, 0.0])
+        return self._along(
+            replace(before, covariance=before.covariance + slip), off[rows], nearest[rows], gain, is_nearest=True
+        )
+
+    def _along(self, before: _Hypotheses, off: Floats, axis: Floats, gain: float, is_nearest: bool) -> _Hypotheses:
+        """Hypotheses updated by a sample `off` (h,) rad from the axes' direction, driven along `axis` (h,)."""
+        P = before.covariance
         along = P[:, :, HEADING] - P[:, :, AXES]
         variance = along[:, HEADING] - along[:, AXES] + self._config.sigma_rad**2
         error = off - axis * QUARTER
         K = along / variance[:, None]
         updated = replace(
-            self._all,
-            mean=self._all.mean - K * error[:, None],
+            before,
+            mean=before.mean - K * error[:, None],
             covariance=P - K[:, :, None] * along[:, None, :],
         )
         density = np.exp(-0.5 * error**2 / variance) / np.sqrt(2 * math.pi * variance)
@@ -167,8 +200,8 @@ class BuildingAxes:
         begun = replace(self._all, mean=mean, covariance=covariance, labels=before)
         return begun.labelled(gain, 0).chosen(off > _TURNED_RAD)
 
-    def _decide(self, step: int, ahead: float) -> AlongAxis | None:
-        """The axis of the oldest sample, which ended at `step`; of a new wing if the one before does not tell it."""
+    def _decide(self, sample: "_Sample") -> AlongAxis | None:
+        """The axis of the oldest sample; of a new wing if the one before does not tell it."""
         weight, labels = np.exp(self._all.log_weight), self._all.labels
         along, related = labels[:, _OLDEST] != _NONE, labels[:, _REFERENCE] != _NONE
         if weight[along].sum() < self._config.min_posterior:
@@ -181,7 +214,20 @@ class BuildingAxes:
         else:
             self._wing, self._quarters = self._wing + 1, 0
         self._all.labels[:, _REFERENCE] = labels[:, _OLDEST]
-        return AlongAxis(step, self._wing, self._quarters * QUARTER - ahead)
+        turned = self._quarters * QUARTER - sample.ahead
+        return AlongAxis(sample.step, self._wing, turned, *self._slip(sample, turned))
+
+    def _slip(self, sample: "_Sample", turned: float) -> tuple[int, float]:
+        """Since which step the wheels may have slipped, and how far: as the axes tell, or in a new wing anyhow."""
+        if self._last is None:
+            return sample.step, 0.0
+        before, along = self._last
+        if along.wing != self._wing:
+            return along.step, self._config.slip_rad
+        scale, bias = self.calibration
+        by_wheels = (1 + scale) * (sample.turned - before.turned) + bias * (sample.path_m - before.path_m)
+        slipped = abs(turned - along.turned - by_wheels)
+        return along.step, slipped if slipped > 2 * self._config.sigma_rad else 0.0
 
     def _forget_oldest(self) -> None:
         self._undecided.pop(0)

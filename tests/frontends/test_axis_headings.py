@@ -15,13 +15,14 @@ from wayfi.frontends.odometry.odometry_config import AxesConfig
 BIAS, STEP_M = 0.025, 0.5
 
 
-def driven(config: AxesConfig, steps: int, matched_every: int = 0) -> PoseGraph:
+def driven(config: AxesConfig, steps: int, matched_every: int = 0, slip_at: int = -1) -> PoseGraph:
     """The graph after a straight drive by wheels that turn BIAS rad/m to the right, scans matching now and then."""
     graph = PoseGraph(BackendConfig(), PRIOR)
     axes = AxisHeadings(graph, PRIOR, config)
     graph.add_keyframe(Pose2())
-    motion = WheelMotion(Pose2(STEP_M, 0.0, -BIAS * STEP_M), STEP_M, 1.0)
     for k in range(steps):
+        slip = 0.35 if k == slip_at else 0.0
+        motion = WheelMotion(Pose2(STEP_M, 0.0, slip - BIAS * STEP_M), STEP_M, 1.0)
         poses = graph.poses() if k else np.zeros((1, 3))
         graph.add_keyframe(Pose2.of(poses[-1]) @ motion.pose)
         graph.add(WheelFactor(k, k + 1, motion, WHEELS))
@@ -48,3 +49,12 @@ def test_it_can_be_switched_off() -> None:
     graph = driven(AxesConfig(enabled=False), 100)
     assert graph.axes() == []
     assert abs(graph.poses()[-1, 2]) > 1.0
+
+
+def test_a_slip_is_undone_where_the_axes_go_on() -> None:
+    """The step of the slip may turn; the wheels elsewhere keep their covariance, and the corridor is one line."""
+    graph = driven(AxesConfig(), 160, slip_at=100)
+    doubted = [wheels.a for wheels in graph.wheels() if wheels.covariance[2, 2] > 2 * WHEELS[2, 2]]
+    assert 100 in doubted
+    assert len(doubted) < 20
+    assert [wheels.a for wheels in graph.wheels()] == list(range(160))

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,3 +92,27 @@ def test_one_that_would_poison_the_graph_is_refused(factor: AxisFactor) -> None:
     graph = corridor({})
     with pytest.raises(FactorError):
         graph.add(factor)
+
+
+def test_wheels_that_slipped_turn_where_they_are_doubted() -> None:
+    graph = corridor({STEPS // 2: 0.35})
+    add_axes(graph, 4, STEPS, wing=1)
+    for number, factor in graph.factors().items():
+        if isinstance(factor, WheelFactor) and factor.a == STEPS // 2:
+            graph.substitute(number, replace(factor, covariance=factor.covariance + np.diag([0.0, 0.0, 0.1])))
+    graph.settle()
+    assert np.abs(graph.poses()[:, 2]).max() < 0.05
+    assert [wheels.a for wheels in graph.wheels()] == list(range(STEPS))
+
+
+def test_a_factor_that_changes_during_a_rebuild_is_not_lost() -> None:
+    graph = corridor({STEPS // 2: 0.35})
+    add_axes(graph, 4, STEPS, wing=1)
+    graph.restart(graph.calibrations(), graph.poses())
+    graph.update(work=1)
+    assert graph.restarts
+    for number, factor in graph.factors().items():
+        if isinstance(factor, WheelFactor) and factor.a == STEPS // 2:
+            graph.substitute(number, replace(factor, covariance=factor.covariance + np.diag([0.0, 0.0, 0.1])))
+    graph.settle()
+    assert np.abs(graph.poses()[:, 2]).max() < 0.05

@@ -64,3 +64,20 @@ def test_nothing_is_settled_before_there_is_evidence() -> None:
     axes, settled = drive(corridors(9.0), 0.0)
     assert axes.evidence < AxesConfig().min_evidence
     assert settled == []
+
+
+@pytest.mark.parametrize("slip", [0.3, -0.4])
+def test_after_a_slip_the_wheels_are_in_doubt_at_its_place_alone(slip: float) -> None:
+    turns = corridors(60, 40, 40)
+    slipped_at = 110
+    turns[slipped_at] += slip
+    _, settled = drive(turns, 0.01)
+    doubtful = [along for along in settled if along.slipped]
+    assert len(doubtful) == 1
+    assert doubtful[0].doubtful_from <= slipped_at < doubtful[0].step
+    assert doubtful[0].slipped == pytest.approx(abs(slip), abs=0.15)
+
+
+def test_wheels_that_slip_nowhere_are_not_doubted() -> None:
+    _, settled = drive(corridors(60, 40, 40), 0.02, scale=0.03)
+    assert not any(along.slipped for along in settled)
