@@ -10,6 +10,7 @@ class ConsensusConfig:
     """When WiFi's claims agree, and when a claim is accepted or removed."""
 
     steps: int = option(241, "", "over the reach each way: 0.001 rad/m apart, 0.1 rad over 100 m")
+    no_axes: float = option(1e-4, "", "that what passed for a building's axes is none, as in a round hall")
     reach_sigmas: float = option(
         4.0, "", "of the prior's turn bias, each way: the wheels of one robot in 16,000 are beyond"
     )

@@ -8,7 +8,7 @@ chance claims, over the likelihood that all claims are chance.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -59,13 +59,24 @@ class Pairs:
 class Headings:
     """What a building's axes tell of keyframes (m,): they head `turned` (m,) rad from those of their `wing` (m,).
 
-    To `sigma_rad` (m,) each; the direction of the axes of a wing is unknown.
+    To `sigma_rad` (m,) each; the direction of the axes of a wing is unknown. All of this may be a mistake, with the
+    probability `no_axes`: then they say as much for any headings as for those of the estimate, `estimated` nats.
     """
 
     keyframe: NDArray[np.int64]
     wing: NDArray[np.int64]
     turned: Floats
     sigma_rad: Floats
+    estimated: float = 0.0
+    no_axes: float = 0.0
+
+    def gain(self, theta: Floats) -> float:
+        """Nats of the keyframes' headings `theta` (n,) over the estimate's, or those for axes that are none."""
+        return float(np.logaddexp(self.evidence(theta) - self.estimated, math.log(self.no_axes)))
+
+    def contradict(self, theta: Floats) -> bool:
+        """Whether axes that are none explain headings `theta` (n,) better than wrong samples do."""
+        return len(self.turned) > 0 and self.evidence(theta) - self.estimated < math.log(self.no_axes)
 
     def evidence(self, theta: Floats) -> float:
         """Nats of the keyframes' headings `theta` (n,) over headings that are anything; some samples may be wrong."""
@@ -78,11 +89,12 @@ class Headings:
         return float(np.log(_WRONG + (1 - _WRONG) * ratio).sum())
 
 
-def headings_of(axes: Sequence[AxisFactor]) -> Headings:
-    """What these factors of the graph say."""
+def headings_of(axes: Sequence[AxisFactor], poses: Floats, no_axes: float) -> Headings:
+    """What these factors of the graph say, which estimates the `poses` (n, 3); see `Headings` for `no_axes`."""
     keyframe, wing = np.array([(f.b, f.wing) for f in axes], np.int64).reshape(-1, 2).T
     turned, sigma_rad = np.array([(f.turned, f.sigma_rad) for f in axes]).reshape(-1, 2).T
-    return Headings(keyframe, wing, turned, sigma_rad)
+    headings = Headings(keyframe, wing, turned, sigma_rad, no_axes=no_axes)
+    return replace(headings, estimated=headings.evidence(poses[:, 2]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,7 +181,7 @@ def _evidence(
         turned = np.concatenate([[0.0], np.cumsum(np.where(known, matched[:, 2], turns))])
         path_m = np.concatenate([[0.0], np.cumsum(np.where(known, 0.0, motions[:, 3]))])
         for i, bias in enumerate(biases):
-            evidence[i] += headings.evidence(turned + (bias - calibration[2]) * path_m)
+            evidence[i] += headings.gain(turned + (bias - calibration[2]) * path_m)
     return evidence
 
 

@@ -15,9 +15,9 @@ from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
+from wayfi.frontends.axis_headings import withdraw_axes
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
-    Headings,
     Hypothesis,
     Pairs,
     best_hypothesis,
@@ -96,10 +96,12 @@ class WifiCloser:
         recent = self._claims.recent()
         pairs = self._claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
-        headings = self._headings()
+        headings = headings_of(self._graph.axes()[-self._config.window :], poses, self._config.no_axes)
         found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
-        if found.evidence >= now + headings.evidence(poses[:, 2]) + gain:
+        if found.evidence >= now + gain:
+            if headings.contradict(found.poses[:, 2]):
+                withdraw_axes(self._graph)
             text = f"the wheels' turn bias is estimated as {found.values[2]:+.4f} rad/m: it explains the closures"
             return [Warned(stamp_ns, text), *self._restart_from(found, recent, poses)]
         if now < gain:
@@ -256,9 +258,6 @@ class WifiCloser:
         """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
         wheels = self._graph.wheels()
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
-
-    def _headings(self) -> Headings:
-        return headings_of(self._graph.axes()[-self._config.window :])
 
     def _matched(self, poses: Floats) -> Floats:
         """(n, 3) the estimated steps between keyframes that scan matches relate, NaN where none does."""

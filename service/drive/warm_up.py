@@ -61,8 +61,16 @@ def _search() -> None:
     """Search a turn bias, which the drive is too short for."""
     one, place = np.zeros(1, np.int64), np.zeros((1, 2))
     pairs = Pairs(one, one + 1, place, place, np.ones(1), np.ones(1), np.ones(1))
+    headings = headings_of([], np.zeros((2, 3)), ConsensusConfig().no_axes)
     prior = calibration_prior(OdometryConfig())
-    best_hypothesis(np.zeros((1, 5)), np.full((1, 3), np.nan), pairs, headings_of([]), prior, ConsensusConfig())
+    best_hypothesis(
+        np.zeros((1, 5)),
+        np.full((1, 3), np.nan),
+        pairs,
+        headings,
+        prior,
+        ConsensusConfig(),
+    )
 
 
 def _measurements(sense: Sense) -> Iterator[tuple[Sensor, Measurement]]:

@@ -9,9 +9,11 @@ from circles import PRIOR, Circles, S, drive
 from wayfi.backend.graph.factors import BetweenFactor, NearFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.wifi_closer import JUDGED_AT_ONCE, WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned
+from wayfi.frontends.odometry.odometry_config import AxesConfig
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
@@ -124,6 +126,22 @@ def test_pairs_that_agree_tell_the_turn_bias(bias: float) -> None:
     found = run.graph.calibration().values
     assert abs(found[2] + found[1] / 8.0 - bias) < 0.002, "on a circle bias and turn scale are one"
     assert len(accepted(run)) > 0.9 * len(verdicts(run))
+
+
+def test_in_a_round_hall_wifi_wins_over_the_axes_that_there_are_none_of() -> None:
+    """A circle of 25 m is a straight corridor to wheels that may turn by themselves, until places come again."""
+    run = drive(3.0, radius_m=25.0, laser=False)
+    axes = AxisHeadings(run.graph, PRIOR, AxesConfig())
+    for k, wheels in enumerate(run.graph.wheels()):
+        axes.follow(k + 1, wheels.motion, float(wheels.covariance[2, 2]), run.poses()[: k + 1])
+        if run.graph.pending:
+            update(run.graph)
+    assert len(run.graph.axes()) > 100
+    assert run.worst_m() > 30.0
+    close(run, closer(run), rounds(run))
+    run.graph.settle()
+    assert run.graph.axes() == []
+    assert run.worst_m() < 1.5
 
 
 def test_a_restart_is_asked_for_once() -> None:
