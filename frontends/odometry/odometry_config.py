@@ -26,7 +26,7 @@ class AxesConfig:
     sigma_rad: float = option(0.1, "rad", "by which a sample's heading differs from its axis: 0.2 m to a side in 2 m")
     share_along: float = option(0.5, "", "of samples along an axis, at first; then it is learnt")
     most_along: float = option(0.9, "", "of that share: every robot goes round something")
-    turning_rad: float = option(0.25, "rad", "within a sample: a robot that turns says nothing of axes")
+    turning_rad: float = option(0.35, "rad", "within a sample: a robot that turns says nothing of axes")
     memory_samples: float = option(50.0, "samples", "over which that share is learnt: a floor of a building")
     share_other_wing: float = option(0.002, "", "of samples that begin a wing at an angle: one in 1 km")
     share_slip: float = option(0.01, "", "of samples before which the wheels slipped sideways: one in 100 m")
