@@ -35,14 +35,14 @@ def driven(config: AxesConfig, steps: int, matched_every: int = 0, slip_at: int 
 
 
 def test_a_straight_drive_is_straightened_within_fifty_metres() -> None:
-    graph = driven(AxesConfig(), 100)
+    graph = driven(AxesConfig(enabled=True), 100)
     assert graph.calibration_values()[2] == pytest.approx(BIAS, abs=0.005)
     assert abs(graph.poses()[-1, 2]) < 0.15
     assert len(graph.axes()) > 10
 
 
 def test_what_scans_tell_is_left_to_them() -> None:
-    assert driven(AxesConfig(), 100, matched_every=10).axes() == []
+    assert driven(AxesConfig(enabled=True), 100, matched_every=10).axes() == []
 
 
 def test_it_can_be_switched_off() -> None:
@@ -53,7 +53,7 @@ def test_it_can_be_switched_off() -> None:
 
 def test_a_slip_is_undone_where_the_axes_go_on() -> None:
     """The step of the slip may turn; the wheels elsewhere keep their covariance, and the corridor is one line."""
-    graph = driven(AxesConfig(), 160, slip_at=100)
+    graph = driven(AxesConfig(enabled=True), 160, slip_at=100)
     doubted = [wheels.a for wheels in graph.wheels() if wheels.covariance[2, 2] > 2 * WHEELS[2, 2]]
     assert 100 in doubted
     assert len(doubted) < 20

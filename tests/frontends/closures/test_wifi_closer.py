@@ -131,7 +131,7 @@ def test_pairs_that_agree_tell_the_turn_bias(bias: float) -> None:
 def test_in_a_round_hall_wifi_wins_over_the_axes_that_there_are_none_of() -> None:
     """A circle of 25 m is a straight corridor to wheels that may turn by themselves, until places come again."""
     run = drive(3.0, radius_m=25.0, laser=False)
-    axes = AxisHeadings(run.graph, PRIOR, AxesConfig())
+    axes = AxisHeadings(run.graph, PRIOR, AxesConfig(enabled=True))
     for k, wheels in enumerate(run.graph.wheels()):
         axes.follow(k + 1, wheels.motion, float(wheels.covariance[2, 2]), run.poses()[: k + 1])
         if run.graph.pending:
