@@ -41,8 +41,6 @@ class OverlapConfig:
     max_expected_sigma_m: float = option(
         0.35, "m", "of the estimate: fewer points must not choose among places a rack's depth, 1 m, apart"
     )
-    ray_gap_rad: float = option(0.06, "rad", "between neighbouring rays: thinned points at 1 m; wider hides a post")
-    margin_m: float = option(0.25, "m", "that a ray goes beyond a point: more than a grazing ray's error")
 
 
 @dataclass(frozen=True)

@@ -78,14 +78,13 @@ class ScanTracker:
         """A poor match, or what the wide search finds instead where the scan looks through the submap's walls."""
         if not self._contradicts(scan, tracked):
             return tracked
-        config = self._lidar
-        found = relocate(scan, submap, guess, config.relocation, config.correlative, config.icp)
-        if found is None or found.inlier_ratio < tracked.match.inlier_ratio + config.doubt.slip_gain:
+        found = relocate(scan, submap, guess, self._lidar)
+        if found is None or found.inlier_ratio < tracked.match.inlier_ratio + self._lidar.doubt.slip_gain:
             return tracked
-        return replace(tracked, match=as_match(found, found.T_target_scan, config))
+        return replace(tracked, match=as_match(found, found.T_target_scan, self._lidar))
 
     def _contradicts(self, scan: ScanPoints, tracked: KeyframeMatch) -> bool:
-        through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan)
+        through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan, self._lidar.visibility)
         return through > self._lidar.doubt.seen_through
 
     def _refused(self, scan: ScanPoints, tracked: KeyframeMatch, motion: WheelMotion) -> StepJudged:
