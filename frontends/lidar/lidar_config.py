@@ -37,7 +37,7 @@ class SearchConfig:
     min_window_rad: float = option(0.3, "rad", "as above")
     max_window_m: float = option(1.0, "m", "to each side: twice the keyframes' distance; bounds the cost")
     max_window_rad: float = option(1.0, "rad", "as above")
-    min_gain: float = option(0.05, "1", "of inlier ratio over the match from the guess: 10 of 200 points, not chance")
+    min_gain: float = option(0.05, "1", "of inlier ratio, and of that in sight: 10 of 200 points, not chance")
 
 
 @dataclass(frozen=True)

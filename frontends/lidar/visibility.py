@@ -79,11 +79,41 @@ def seen_through_count(
     config: VisibilityConfig,
 ) -> int:
     """How many points of `scan` the rays of at least one of `submap_scans`, at (n, 3) `submap_poses`, pass."""
+    return int(_from_submap(scan, T_submap_scan, submap_scans, submap_poses, config).passed.sum())
+
+
+def fit_in_sight(
+    inlier_ratio: float,
+    scan: ScanPoints,
+    T_submap_scan: Pose2,
+    submap_scans: list[ScanPoints],
+    submap_poses: Floats,
+    config: VisibilityConfig,
+) -> float:
+    """Of the points of `scan` where the submap's scans saw a wall or nothing, the share that fits the submap.
+
+    Points that those scans could not see, as ahead in a corridor, do not count.
+    """
+    view = _from_submap(scan, T_submap_scan, submap_scans, submap_poses, config)
+    fitting = inlier_ratio * len(scan.points)
+    return fitting / max(fitting, float((view.passed | view.met).sum()), 1.0)
+
+
+def _from_submap(
+    scan: ScanPoints,
+    T_submap_scan: Pose2,
+    submap_scans: list[ScanPoints],
+    submap_poses: Floats,
+    config: VisibilityConfig,
+) -> InView:
+    """Which points of `scan` at least one of the submap's scans passes, and which one meets."""
     points = T_submap_scan.transform(scan.points)
-    passed = np.zeros(len(points), np.bool_)
+    passed, met = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
     for other, pose in zip(submap_scans, submap_poses, strict=True):
-        passed |= in_view(other, Pose2.of(pose), points, config).passed
-    return int(passed.sum())
+        view = in_view(other, Pose2.of(pose), points, config)
+        passed |= view.passed
+        met |= view.met
+    return InView(passed, met)
 
 
 def _polar(points: Floats) -> tuple[Floats, Floats]:

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from rooms import HALL, LIDAR, see, see_ahead
+from rooms import CORRIDOR, HALL, LIDAR, see, see_ahead
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.lidar.laser_points import scan_from_points
 from wayfi.frontends.lidar.visibility import (
     VisibilityConfig,
     agreement,
+    fit_in_sight,
     in_view,
     seen_through_count,
     seen_through_share,
@@ -100,3 +101,23 @@ def test_what_is_behind_a_wall_or_out_of_sight_is_not_seen_through() -> None:
     behind, beyond = see_ahead(HALL, A @ BACK), see_ahead(box(-30.0, -30.0, 30.0, 30.0), A)
     assert seen_through_count(behind, BACK, [before], AT_ORIGIN, CONFIG) == 0
     assert seen_through_count(beyond, Pose2(), [before], AT_ORIGIN, CONFIG) == 0
+
+
+def near(pose: Pose2, reach_m: float = 6.0) -> ScanPoints:
+    """What a short-sighted laser sees of the bare corridor."""
+    seen = see(CORRIDOR, pose, np.random.default_rng(3))
+    return scan_from_points(seen.points[np.hypot(*seen.points.T) < reach_m], Pose2(), LIDAR)
+
+
+@pytest.mark.parametrize(("step_m", "inlier_ratio"), [(1.0, 0.85), (0.0, 1.0)])
+def test_all_that_is_in_sight_fits_ahead_in_a_corridor_as_well_as_behind(step_m: float, inlier_ratio: float) -> None:
+    place = Pose2(step_m, 0.0, 0.0)
+    fit = fit_in_sight(inlier_ratio, near(Pose2(1.0, 0.0, 0.0)), place, [near(Pose2())], AT_ORIGIN, CONFIG)
+    assert fit > 0.95
+
+
+def test_what_lies_before_a_wall_in_sight_counts_and_what_lies_behind_it_does_not() -> None:
+    """The scan is put 0.5 m off across the corridor: half of it lies behind one wall, half of it before the other."""
+    off = Pose2(0.0, 0.5, 0.0)
+    assert fit_in_sight(0.0, near(Pose2()), off, [near(Pose2())], AT_ORIGIN, CONFIG) == 0.0
+    assert fit_in_sight(0.25, near(Pose2()), off, [near(Pose2())], AT_ORIGIN, CONFIG) == pytest.approx(0.5, abs=0.1)
