@@ -44,6 +44,19 @@ class OverlapConfig:
 
 
 @dataclass(frozen=True)
+class LostRobotConfig:
+    """How the map is searched for a robot that was moved, and when two scans agree on where it is."""
+
+    places_m: float = option(3.0, "m", "between places: the search reaches 4 m to each side of them")
+    confirm_m: float = option(3.0, "m", "of path between the two scans: nearer they see much the same, and err alike")
+    drop_m: float = option(10.0, "m", "of path without a second scan that fits: the first one may have been wrong")
+    agree_m: float = option(
+        0.3, "m", "between the places that two scans give: what a map bends by, and less than a rack"
+    )
+    agree_rad: float = option(0.05, "rad", "as above")
+
+
+@dataclass(frozen=True)
 class ClosureConfig:
     """Which candidates are checked, how far the check searches, and which of its results become factors."""
 
@@ -79,4 +92,5 @@ class ClosureConfig:
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
     overlap: OverlapConfig = field(default_factory=OverlapConfig)
+    lost: LostRobotConfig = field(default_factory=LostRobotConfig)
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)

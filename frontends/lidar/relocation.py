@@ -1,6 +1,6 @@
 """The wide search for a robot that is not where its wheels lead: any heading, some metres around."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +19,28 @@ def any_heading(config: RelocationConfig, grid: CorrelativeConfig) -> Correlativ
     return replace(grid, points=points, angle_step=config.angle_step, max_coarse_cells=cells)
 
 
-def relocate(scan: ScanPoints, submap: PointIndex, guess: Pose2, lidar: LidarConfig) -> IcpResult | None:
-    """The one pose of `scan` in the window around `guess` that fits the submap; None if there is none, or several."""
+@dataclass(frozen=True, slots=True, eq=False)
+class WideFit:
+    """The best fit in the window, and whether it is the only one there that fits so well."""
+
+    result: IcpResult
+    alone: bool
+
+
+def search_widely(scan: ScanPoints, submap: PointIndex, guess: Pose2, lidar: LidarConfig) -> WideFit:
+    """The pose of `scan` in the window around `guess` that fits the submap best."""
     config, grid = lidar.relocation, lidar.correlative
     window = SearchWindow(config.window_m, config.window_rad, np.zeros((3, 3)), np.inf)
     peak = search(scan.points, build_field(submap.points, grid), guess, window, any_heading(config, grid))
     result = icp(scan, submap, peak.pose, np.zeros((3, 3)), lidar.icp)
-    alone = peak.second_score <= config.max_second_peak * peak.score
     stayed = peak.pose.distance(result.T_target_scan) <= BLUR_SIGMAS * grid.blur_m
-    fits = result.inlier_ratio >= config.min_inlier_ratio
-    if not (alone and stayed and fits):
+    return WideFit(result, stayed and peak.second_score <= config.max_second_peak * peak.score)
+
+
+def relocate(scan: ScanPoints, submap: PointIndex, guess: Pose2, lidar: LidarConfig) -> IcpResult | None:
+    """The one pose of `scan` in the window around `guess` that fits the submap; None if there is none, or several."""
+    fit = search_widely(scan, submap, guess, lidar)
+    if not fit.alone or fit.result.inlier_ratio < lidar.relocation.min_inlier_ratio:
         return None
-    through = seen_through_share(scan, submap.points, result.T_target_scan, lidar.visibility)
-    return result if through <= config.max_seen_through else None
+    through = seen_through_share(scan, submap.points, fit.result.T_target_scan, lidar.visibility)
+    return fit.result if through <= lidar.relocation.max_seen_through else None

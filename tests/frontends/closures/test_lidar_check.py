@@ -227,3 +227,9 @@ def test_walls_that_were_seen_through_refuse_it() -> None:
     few = replace(OVERLAP, min_inlier_ratio=0.1)
     assert "of those in sight" in come_back(HALL, moved_in, SURE, few).refused
     assert come_back(HALL, moved_in, SURE, replace(few, min_agreement=0.1)).refused == ""
+
+
+def test_a_pose_of_any_heading_asks_for_more_of_the_points() -> None:
+    unknown = np.diag([0.1**2, 0.1**2, 1.0])
+    assert come_back(HALL, HALL, SURE).refused == ""
+    assert "the heading is unknown" in come_back(HALL, HALL, unknown).refused
