@@ -56,6 +56,11 @@ class Keyframes:
         self._pieces.append(len(self))
         self._unknown_m += path_m
 
+    @property
+    def moved_to(self) -> list[int]:
+        """The keyframes that begin a piece, but for the first."""
+        return self._pieces[1:]
+
     def piece(self, number: int) -> tuple[int, int]:
         """First and last (excluded) of the keyframes around `number` whose relative poses are known."""
         following = bisect_right(self._pieces, number)

@@ -101,9 +101,9 @@ class SlamCore:
         with self._timer("closure"):
             events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
             events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
-        return events + self._estimate.observe(
-            point.stamp_ns, self._lidar_closer.variance_factor.value, self.steps.doubt
-        )
+            events += self._lidar_closer.close_by_search(number, point.stamp_ns, self.poses)
+        factor = self._lidar_closer.variance_factor.value
+        return events + self._estimate.observe(point.stamp_ns, factor, self.steps.doubt)
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own; close loops by the fingerprint that it completes."""
@@ -183,7 +183,7 @@ class SlamCore:
         events.append(_grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
         calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
         points = [self.keyframes[k].point for k in range(len(self.keyframes))]
-        final = trajectories.final(points, self.poses, calibration.wheels.values)
+        final = trajectories.final(points, self.poses, calibration.wheels.values, self.keyframes.moved_to)
         result = DriveEstimate(
             stamps_ns, final, trajectories.online(), self.poses.copy(), self._graph.factors(), calibration, grid,
             self._wifi.fingerprints, self._wifi.places(self.poses),
@@ -244,6 +244,7 @@ class SlamCore:
         self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone))
         if tracked and tracked.judged.finding is Finding.MISFIT:
             self.keyframes.begin_piece(self._config.closure.min_path_m)
+            self._lidar_closer.search_from(number)
         if tracked and matched:
             self._axes.interrupt()
             self._add_match(tracked, point, number)

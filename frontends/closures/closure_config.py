@@ -42,8 +42,19 @@ class OverlapConfig:
     max_expected_sigma_m: float = option(
         0.35, "m", "of the estimate: fewer points must not choose among places a rack's depth, 1 m, apart"
     )
-    ray_gap_rad: float = option(0.06, "rad", "between neighbouring rays: thinned points at 1 m; wider hides a post")
-    margin_m: float = option(0.25, "m", "that a ray goes beyond a point: more than a grazing ray's error")
+
+
+@dataclass(frozen=True)
+class LostRobotConfig:
+    """How the map is searched for a robot that was moved, and when two scans agree on where it is."""
+
+    places_m: float = option(3.0, "m", "between places: the search reaches 4 m to each side of them")
+    confirm_m: float = option(3.0, "m", "of path between the two scans: nearer they see much the same, and err alike")
+    drop_m: float = option(10.0, "m", "of path without a second scan that fits: the first one may have been wrong")
+    agree_m: float = option(
+        0.3, "m", "between the places that two scans give: what a map bends by, and less than a rack"
+    )
+    agree_rad: float = option(0.05, "rad", "as above")
 
 
 @dataclass(frozen=True)
@@ -82,4 +93,5 @@ class ClosureConfig:
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
     sigma_floor_rad: float = option(0.004, "rad", "as above")
     overlap: OverlapConfig = field(default_factory=OverlapConfig)
+    lost: LostRobotConfig = field(default_factory=LostRobotConfig)
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)

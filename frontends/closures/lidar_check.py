@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
 from wayfi.frontends.closures.closure_config import ClosureConfig
-from wayfi.frontends.closures.overlap import agreement
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.relocation import any_heading
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
+from wayfi.frontends.lidar.visibility import VisibilityConfig, agreement, seen_through_share
 from wayfi.frontends.scan_points import ScanPoints
 
 OPEN_ALONG = "the walls leave the pose open along them"
@@ -89,8 +89,11 @@ def check(
     second_peak = peak.second_score / max(peak.score, MIN_SCORE)
     # beyond the field's blur around the peak, ICP has found another place
     left_peak = peak.pose.distance(result.T_target_scan) > BLUR_SIGMAS * lidar.correlative.blur_m
-    unfit = _refused_inliers(result, scan, submap_scans, submap_poses, expected, config) or _refused_fit(
-        covariance, second_peak, config
+    free = _refused_free_choice(result, scan, submap.points, lidar) if turned else ""
+    unfit = (
+        free
+        or _refused_inliers(result, scan, submap_scans, submap_poses, expected, config, lidar.visibility)
+        or _refused_fit(covariance, second_peak, config)
     )
     if unfit == OPEN_ALONG:
         covariance = _opened(covariance, config.open_sigma_m)
@@ -114,6 +117,15 @@ def _opened(covariance: Floats, sigma_m: float) -> Floats:
     return opened
 
 
+def _refused_free_choice(result: IcpResult, scan: ScanPoints, submap: Floats, lidar: LidarConfig) -> str:
+    """Why a pose of any heading is not believed, which asks for more than one that the estimate nearly knows."""
+    least, most = lidar.relocation.min_inlier_ratio, lidar.relocation.max_seen_through
+    if result.inlier_ratio < least:
+        return f"inlier ratio {result.inlier_ratio:.2f} under {least}, for the heading is unknown"
+    through = seen_through_share(scan, submap, result.T_target_scan, lidar.visibility)
+    return f"looks through {through:.2f} of the walls in view, over {most}" if through > most else ""
+
+
 def _refused_inliers(
     result: IcpResult,
     scan: ScanPoints,
@@ -121,6 +133,7 @@ def _refused_inliers(
     submap_poses: Floats,
     expected: Expected,
     config: ClosureConfig,
+    visibility: VisibilityConfig,
 ) -> str:
     """Why too few points fit; empty if enough do, of all or of those that the submap's scans could see."""
     ratio, overlap = result.inlier_ratio, config.overlap
@@ -129,7 +142,7 @@ def _refused_inliers(
     few = f"inlier ratio {ratio:.2f} under {config.min_inlier_ratio}"
     if ratio < overlap.min_inlier_ratio or position_sigma(expected.covariance) > overlap.max_expected_sigma_m:
         return few
-    agree = agreement(ratio, scan, result.T_target_scan, submap_scans, submap_poses, overlap)
+    agree = agreement(ratio, scan, result.T_target_scan, submap_scans, submap_poses, visibility)
     return (
         f"{few}; of those in sight {agree:.2f} under {overlap.min_agreement}" if agree < overlap.min_agreement else ""
     )

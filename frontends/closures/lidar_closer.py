@@ -18,8 +18,9 @@ from wayfi.frontends.closures.lidar_check import (
     nearest_candidate,
     update_by_place,
 )
+from wayfi.frontends.closures.lost_robot import LostRobotSearch
 from wayfi.frontends.closures.verdicts import Verdicts
-from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict
+from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict, Warned
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.timer import Timer, untimed
@@ -28,7 +29,7 @@ from wayfi.frontends.wifi.fingerprints import WifiCandidate
 
 @dataclass(frozen=True, slots=True)
 class _Proposed:
-    """Two keyframes that may be near each other, by the estimate or by WiFi (`proposed_by`)."""
+    """Two keyframes that may be near each other, by the estimate, by WiFi, or by a search (`proposed_by`)."""
 
     a: int
     b: int
@@ -70,6 +71,7 @@ class LidarCloser:
         self.variance_factor = VarianceFactor(closure.variance_prior)
         self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
+        self._search = LostRobotSearch(keyframes, closure, lidar)
 
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check the newest keyframe against the nearest earlier one that the estimate offers."""
@@ -89,6 +91,28 @@ class LidarCloser:
             return []
         expected = self._expected(a, keyframe, poses)
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
+
+    def search_from(self, keyframe: int) -> None:
+        """The robot was moved by an unknown way before `keyframe`: search the map for it."""
+        self._search.begin(keyframe)
+
+    def close_by_search(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
+        """Go on with the search for a robot that was moved; two closures once it is found."""
+        with self._timer("check"):
+            found = self._search.search(keyframe, poses)
+        events: list[Event] = []
+        for f in found:
+            T, fit = f.fit.result.T_target_scan, f.fit.result
+            done = CheckResult(T, f.covariance, fit.inlier_ratio, fit.residual_m, np.nan, f.submap, "")
+            expected = Pose2.of(poses[f.a]).between(Pose2.of(poses[f.b]))
+            scan = self._keyframes[f.b].scan
+            assert scan is not None
+            events.append(CheckDone(stamp_ns, f.a, f.b, scan.points, f.submap, expected, T, fit.inlier_ratio, np.nan))
+            events.append(self._enter(_Proposed(f.a, f.b, "search"), done, "two scans agree on this place alone"))
+        if found:
+            apart_m = Pose2.of(poses[keyframe]).distance(found[-1].placed(keyframe, poses))
+            events.append(Warned(stamp_ns, f"the robot was found again, {apart_m:.1f} m from where the wheels put it"))
+        return events
 
     def can_check(self, candidate: WifiCandidate) -> bool:
         """Whether a WiFi candidate can be checked: its keyframes differ, both have a scan, and the estimate stays."""
@@ -188,7 +212,7 @@ class LidarCloser:
         over_closures = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
         return float(min([abs(path[b] - path[a]), *over_closures]))
 
-    def _enter(self, p: _Proposed, done: CheckResult) -> ClosureJudged:
+    def _enter(self, p: _Proposed, done: CheckResult, why: str = "agrees with the estimate") -> ClosureJudged:
         """Enter the verdict on a candidate; add its factor if it is accepted."""
         refused = done.refused
         verdict = Verdict.REFUSED if refused else Verdict.ACCEPTED
@@ -197,9 +221,10 @@ class LidarCloser:
         judged = self._verdicts.enter(ClosureJudged(
             0, self._keyframes[p.a].point.stamp_ns, self._keyframes[p.b].point.stamp_ns, p.a, p.b, ClosureKind.LIDAR,
             p.proposed_by, p.similarity, done.residual_m, done.inlier_ratio, done.T_a_b, done.covariance, True, verdict,
-            refused or "agrees with the estimate",
+            refused or why,
         ))  # fmt: skip
         if not refused:
+            self._search.closed(p.a, p.b)
             self._accepted[judged.closure] = self._graph.add(BetweenFactor(p.a, p.b, done.T_a_b, done.covariance))
         return judged
 

@@ -6,7 +6,7 @@ from wayfi.backend.options import option
 from wayfi.frontends.lidar.correlative import CorrelativeConfig
 from wayfi.frontends.lidar.doubt import DoubtConfig
 from wayfi.frontends.lidar.icp import IcpConfig
-from wayfi.frontends.lidar.relocation import RelocationConfig
+from wayfi.frontends.lidar.visibility import VisibilityConfig
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,21 @@ class SearchConfig:
     min_window_rad: float = option(0.3, "rad", "as above")
     max_window_m: float = option(1.0, "m", "to each side: twice the keyframes' distance; bounds the cost")
     max_window_rad: float = option(1.0, "rad", "as above")
-    min_gain: float = option(0.05, "1", "of inlier ratio over the match from the guess: 10 of 200 points, not chance")
+    min_gain: float = option(0.05, "1", "of inlier ratio, and of that in sight: 10 of 200 points, not chance")
+
+
+@dataclass(frozen=True)
+class RelocationConfig:
+    """The window of the wide search, and when what it finds is the one place that it can be."""
+
+    window_m: float = option(4.0, "m", "to each side; with all headings 14 million look-ups, some 20 ms")
+    window_rad: float = option(3.1416, "rad", "as above: a turn that the odometry missed may be any")
+    points: int = option(100, "", "half of the usual search's: the cost again")
+    max_coarse_cells: int = option(3000, "", "coarse cells opened: five times the usual search's, of 50 times as many")
+    angle_step: float = option(0.02, "rad", "0.2 m at 10 m, which the field's blur covers")
+    min_inlier_ratio: float = option(0.85, "", "with a free choice of the pose a mirrored hall fitted to 0.82")
+    max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
+    max_seen_through: float = option(0.15, "", "of the walls in view; sound matches had 0.01 to 0.15")
 
 
 @dataclass(frozen=True)
@@ -147,6 +161,7 @@ class LidarConfig:
     icp: IcpConfig = field(default_factory=IcpConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     relocation: RelocationConfig = field(default_factory=RelocationConfig)
+    visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
     doubt: DoubtConfig = field(default_factory=DoubtConfig)
     correlative: CorrelativeConfig = field(default_factory=CorrelativeConfig)
     clock: LaserClockConfig = field(default_factory=LaserClockConfig)

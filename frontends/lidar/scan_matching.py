@@ -1,6 +1,7 @@
 """Scan matching: each keyframe's scan against a submap of the ones before it, and submaps to check closures against."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.laser_points import transform_scans
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex, build_index
+from wayfi.frontends.lidar.visibility import fit_in_sight
 from wayfi.frontends.scan_points import ScanPoints
 
 # Added to a scan's information, so that a direction it does not constrain has a sigma of 1 m or 1 rad: 70 times what
@@ -25,6 +27,13 @@ class ScanMatch:
     covariance: Floats
     inlier_ratio: float
     residual_m: float
+
+
+class SubmapRays(NamedTuple):
+    """The scans that a submap is made of, whose rays tell where there is nothing, at (n, 3) `poses` in its frame."""
+
+    scans: list[ScanPoints]
+    poses: Floats
 
 
 def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> PointIndex | None:
@@ -44,19 +53,40 @@ def match_scan(
     guess_covariance: Floats,
     search_below: float,
     config: LidarConfig,
+    rays: SubmapRays | None,
 ) -> ScanMatch:
     """Match `scan` to `submap` from `guess`.
 
-    Where that leaves an inlier ratio under `search_below`, the window of `guess_covariance` is searched as well.
+    Where that leaves an inlier ratio under `search_below`, the window of `guess_covariance` is searched as well. What
+    is found there must fit better, with `rays` also among the points that they could see.
     """
     prior = np.asarray(np.linalg.inv(guess_covariance), np.float64)
     result = icp(scan, submap, guess, prior, config.icp)
     T = without_prior(result, guess, prior, config)
     if result.inlier_ratio < search_below:
         found = _search_and_match(scan, submap, guess, guess_covariance, config)
-        if found.inlier_ratio > result.inlier_ratio + config.search.min_gain:
+        if _fits_better(scan, found, result, rays, config):
             result, T = found, found.T_target_scan
     return as_match(result, T, config)
+
+
+def _fits_better(
+    scan: ScanPoints, found: IcpResult, result: IcpResult, rays: SubmapRays | None, config: LidarConfig
+) -> bool:
+    """Whether a pose `found` fits clearly better than the `result` does, also among the points in sight of the submap.
+
+    In a bare corridor a scan that is moved back has more inliers, since its far end then lies on walls seen before; but
+    all that is in sight fits the pose ahead as well, whose far end has not been seen yet.
+    """
+    if found.inlier_ratio <= result.inlier_ratio + config.search.min_gain:
+        return False
+    if rays is None:
+        return True
+    before, after = (
+        fit_in_sight(r.inlier_ratio, scan, r.T_target_scan, rays.scans, rays.poses, config.visibility)
+        for r in (result, found)
+    )
+    return after > before + config.search.min_gain
 
 
 def as_match(result: IcpResult, T: Pose2, config: LidarConfig) -> ScanMatch:

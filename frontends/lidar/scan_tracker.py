@@ -13,7 +13,7 @@ from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
 from wayfi.frontends.lidar.relocation import relocate
-from wayfi.frontends.lidar.scan_matching import ScanMatch, as_match, match_scan, merge_submap
+from wayfi.frontends.lidar.scan_matching import ScanMatch, SubmapRays, as_match, match_scan, merge_submap
 from wayfi.frontends.lidar.visibility import seen_through_share
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
@@ -65,8 +65,10 @@ class ScanTracker:
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None
-        search_below = math.inf if self.covariance_scale > self._trust.search_above else self._lidar.search_below
-        match = match_scan(scan, submap, guess, self.wheel_covariance(motion), search_below, self._lidar)
+        poor = self.covariance_scale > self._trust.search_above
+        search_below, rays = (math.inf, None) if poor else (self._lidar.search_below, SubmapRays(scans, placed))
+        covariance = self.wheel_covariance(motion)
+        match = match_scan(scan, submap, guess, covariance, search_below, self._lidar, rays)
         tracked = KeyframeMatch(match, submap.points, AGREES)
         if match.inlier_ratio < self._lidar.search_below:
             tracked = self._doubted(scan, submap, guess, tracked)
@@ -78,14 +80,13 @@ class ScanTracker:
         """A poor match, or what the wide search finds instead where the scan looks through the submap's walls."""
         if not self._contradicts(scan, tracked):
             return tracked
-        config = self._lidar
-        found = relocate(scan, submap, guess, config.relocation, config.correlative, config.icp)
-        if found is None or found.inlier_ratio < tracked.match.inlier_ratio + config.doubt.slip_gain:
+        found = relocate(scan, submap, guess, self._lidar)
+        if found is None or found.inlier_ratio < tracked.match.inlier_ratio + self._lidar.doubt.slip_gain:
             return tracked
-        return replace(tracked, match=as_match(found, found.T_target_scan, config))
+        return replace(tracked, match=as_match(found, found.T_target_scan, self._lidar))
 
     def _contradicts(self, scan: ScanPoints, tracked: KeyframeMatch) -> bool:
-        through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan)
+        through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan, self._lidar.visibility)
         return through > self._lidar.doubt.seen_through
 
     def _refused(self, scan: ScanPoints, tracked: KeyframeMatch, motion: WheelMotion) -> StepJudged:

@@ -2,6 +2,7 @@
 
 from array import array
 from bisect import bisect_left
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,13 @@ class Trajectories:
         """(n, 3) poses of base_link in `map` as they were published."""
         return np.array(self._online, np.float64).reshape(-1, 3)
 
-    def final(self, keyframes: list[PathPoint], poses: Floats, calibration: Floats) -> Floats:
-        """(n, 3) poses given the keyframes' `poses` (m, 3): the wheels between them, bent to meet both ends."""
+    def final(
+        self, keyframes: list[PathPoint], poses: Floats, calibration: Floats, moved_to: Sequence[int] = ()
+    ) -> Floats:
+        """(n, 3) poses given the keyframes' `poses` (m, 3): the wheels between them, bent to meet both ends.
+
+        To the keyframes `moved_to` the robot was moved by an unknown way: up to them the wheels lead on unbent.
+        """
         if not keyframes:
             return np.zeros((0, 3))
         stamps, path = self.stamps_ns(), np.array(self._path, np.float64).reshape(-1, 4)
@@ -66,6 +72,7 @@ class Trajectories:
         whole = _motions(kf_path[:-1], kf_path[1:], between_s, calibration)
         missing = between_all(whole, between_all(poses[:-1], poses[1:])) if len(poses) > 1 else np.zeros((0, 3))
         missing = np.concatenate([missing, np.zeros((1, 3))])
+        missing[np.array(moved_to, np.intp) - 1] = 0.0
         share = _share(path[:, 3], stamps, kf_path[:, 3], kf_stamps, k)
         return compose_all(compose_all(poses[k], driven), missing[k] * share[:, None])
 

@@ -55,5 +55,6 @@ def test_a_robot_that_was_moved_begins_a_piece_of_its_own() -> None:
         keyframes.append(Keyframe(PathPoint(k, Pose2(), 0.5 * k), None))
     assert [keyframes.piece(k) for k in range(6)] == [(0, 2), (0, 2), (2, 5), (2, 5), (2, 5), (5, 6)]
     assert keyframes.paths_m.tolist() == [0.0, 0.5, 16.0, 16.5, 17.0, 32.5]
+    assert keyframes.moved_to == [2, 5]
     keyframes.move(3, PathPoint(3, Pose2(), 1.6))
     assert keyframes.paths_m[3] == pytest.approx(16.6)

@@ -1,6 +1,7 @@
 """Rooms with known walls, and what a laser sees of them: the geometry that tests of scan matching share."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +28,13 @@ def see(faces: Floats, pose: Pose2, rng: np.random.Generator, sigma_m: float = 0
     measured = exact[seen] + sigma_m * rng.standard_normal(len(seen))
     points = measured[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     return scan_from_points(points, Pose2(), LIDAR)
+
+
+def see_ahead(faces: Floats, pose: Pose2, seed: int = 0) -> ScanPoints:
+    """What a 180 degree laser sees, which looks ahead."""
+    scan = see(faces, pose, np.random.default_rng(seed))
+    ahead = scan.points[:, 0] > 0.0
+    return replace(scan, points=scan.points[ahead], normals=scan.normals[ahead])
 
 
 def faces_at(surfaces: Surfaces, time_s: float) -> Floats:

@@ -86,7 +86,7 @@ def match_errors(scans: list[ScanPoints], poses: Floats) -> Errors:
         if submap is None or len(scans[k].points) < LIDAR.min_points:
             continue
         covariance = wheel_covariance(WheelMotion(true, true.distance(Pose2()), 1.0), WHEELS)
-        match = match_scan(scans[k], submap, true, covariance, 0.0, LIDAR)
+        match = match_scan(scans[k], submap, true, covariance, 0.0, LIDAR, None)
         if match.inlier_ratio >= LIDAR.min_inlier_ratio:
             errors.append(_in_the_robots_axes(true, match.T_submap_scan, match.covariance))
     values, sigmas = zip(*errors, strict=True)

@@ -8,6 +8,7 @@ import pytest
 from legs import START, WALLS, Driven, Leg, follow
 
 from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import Warned
 from wayfi.recordings.simulation.surfaces import Surfaces, box, join, moving, still
 
 LAP = [Leg(12.0), Leg(turn=math.pi / 2), Leg(6.0), Leg(turn=math.pi / 2)]
@@ -76,6 +77,33 @@ def test_a_robot_that_is_carried_within_the_hall_is_found_again() -> None:
     claimed = [p for p in driven.published() if p.stamp_ns * 1e-9 > second and p.state == "TRACKING"]
     assert claimed
     assert max(abs(driven.error(p)).max() for p in claimed) < SOUND_M
+
+
+CHAMBERS = np.concatenate([WALLS, box(-6.0, 0.5, -3.8, 5.0), box(-1.0, 3.8, 1.0, 5.0)])
+
+
+def carried_across(put: Pose2) -> Driven:
+    after = [Leg(wait_s=2.0, put=put), Leg(4.0), Leg(turn=1.0), Leg(2.0), Leg(wait_s=2.0)]
+    return follow([*TO_THE_CORNER, Leg(wait_s=2.0), *after], still(CHAMBERS))
+
+
+def test_a_robot_that_is_carried_across_the_hall_is_in_doubt_until_it_is_found_again() -> None:
+    driven = carried_across(Pose2(-4.5, -1.0, 0.4))
+    second, _ = only_doubt(driven)
+    assert driven.start_s(6) < second < driven.start_s(6) + 1.5
+    (warned,) = (event.text for event in driven.events if isinstance(event, Warned))
+    assert re.fullmatch(r"the robot was found again, \d\.\d m from where the wheels put it", warned)
+    assert max(abs(driven.error(driven.published()[-1]))) < SOUND_M
+
+
+@pytest.mark.parametrize("put", [Pose2(-4.5, -1.0, 2.4), Pose2(-3.5, -3.0, 1.2), Pose2(0.0, -3.0, -0.7)])
+def test_a_hall_that_looks_much_the_same_from_its_other_end_does_not_mislead_a_robot_that_was_carried(
+    put: Pose2,
+) -> None:
+    driven = carried_across(put)
+    second = driven.states[1][0]
+    claimed = [p for p in driven.published() if p.stamp_ns * 1e-9 > second and p.state == "TRACKING"]
+    assert all(abs(driven.error(p)).max() < SOUND_M for p in claimed)
 
 
 def test_a_robot_that_is_pushed_aside_is_followed() -> None:

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import CORRIDOR, HALL, TWO_FOLD, see
+from rooms import CORRIDOR, HALL, TWO_FOLD, see, see_ahead
 from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.closures.closure_config import ClosureConfig, OverlapConfig
 from wayfi.frontends.closures.lidar_check import (
     OPEN_ALONG,
     CheckResult,
@@ -24,6 +24,8 @@ from wayfi.frontends.scan_points import ScanPoints
 from wayfi.recordings.simulation.surfaces import box
 
 CONFIG, LIDAR = ClosureConfig(), LidarConfig()
+OVERLAP = OverlapConfig()
+SURE = np.diag([0.1**2, 0.1**2, 0.03**2])
 WIDE = np.diag([0.5**2, 0.5**2, 0.1**2])
 
 
@@ -194,3 +196,40 @@ def test_two_places_said_to_be_one_draw_what_is_expected_between_them() -> None:
 
 def test_the_gate_lets_the_share_of_true_closures_pass_that_it_names() -> None:
     assert chi2.sf(CONFIG.gate_chi2, 3) == pytest.approx(0.03, rel=0.05)
+
+
+def come_back(
+    faces_then: Floats, faces_now: Floats, covariance: Floats, overlap: OverlapConfig = OVERLAP
+) -> CheckResult:
+    """The check of a laser that sees 180 degrees, where it comes back looking 115 degrees to the side."""
+    a, T_a_b = Pose2(-1.0, -2.0, 0.0), Pose2(0.3, 0.4, 2.0)
+    ways = [Pose2(0.5 * k, 0.0, 0.0) for k in range(-2, 3)]
+    scans = [see_ahead(faces_then, a @ way, seed) for seed, way in enumerate(ways)]
+    scan, poses = see_ahead(faces_now, a @ T_a_b, 9), np.array([way.array() for way in ways])
+    done = check(scan, scans, poses, Expected(T_a_b, covariance), replace(CONFIG, overlap=overlap), LIDAR)
+    assert done is not None
+    return done
+
+
+def test_a_laser_that_sees_half_of_a_place_closes_a_loop_looking_another_way() -> None:
+    done = come_back(HALL, HALL, SURE)
+    assert done.inlier_ratio < CONFIG.min_inlier_ratio
+    assert done.refused == ""
+    assert done.T_a_b.distance(Pose2(0.3, 0.4, 2.0)) < 0.02
+
+
+def test_an_uncertain_estimate_asks_for_more_of_the_points() -> None:
+    assert come_back(HALL, HALL, 25 * SURE).refused.startswith("inlier ratio")
+
+
+def test_walls_that_were_seen_through_refuse_it() -> None:
+    moved_in = np.concatenate([HALL, box(-0.8, 0.5, 1.5, 0.7)])
+    few = replace(OVERLAP, min_inlier_ratio=0.1)
+    assert "of those in sight" in come_back(HALL, moved_in, SURE, few).refused
+    assert come_back(HALL, moved_in, SURE, replace(few, min_agreement=0.1)).refused == ""
+
+
+def test_a_pose_of_any_heading_asks_for_more_of_the_points() -> None:
+    unknown = np.diag([0.1**2, 0.1**2, 1.0])
+    assert come_back(HALL, HALL, SURE).refused == ""
+    assert "the heading is unknown" in come_back(HALL, HALL, unknown).refused

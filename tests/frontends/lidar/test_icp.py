@@ -85,7 +85,7 @@ def test_in_a_corridor_the_prior_decides_along_it_and_the_walls_across() -> None
     submap = submap_at(CORRIDOR, [a, Pose2(-3.0, 0.1, 0.0), Pose2(3.0, 0.0, 0.0)], rng)
     guess = Pose2(0.45, 0.15, 0.03)
     scan = see(CORRIDOR, a @ Pose2(0.3, 0.0, 0.0), rng)
-    match = match_scan(scan, submap, guess, np.diag([0.05**2, 0.2**2, 0.05**2]), 0.0, LIDAR)
+    match = match_scan(scan, submap, guess, np.diag([0.05**2, 0.2**2, 0.05**2]), 0.0, LIDAR, None)
     assert abs(match.T_submap_scan.x - guess.x) < 0.05
     assert abs(match.T_submap_scan.y) < 0.02
     assert abs(match.T_submap_scan.theta) < 0.005
@@ -116,8 +116,8 @@ def test_the_window_is_searched_where_the_guess_is_out_of_reach() -> None:
     submap, scan = submap_at(HALL, [a, Pose2(-0.5, 0.0, 0.0)], rng), see(HALL, a @ T_a_b, rng)
     guess = Pose2(1.3, -0.5, 0.7)
     covariance = np.diag([0.3**2, 0.3**2, 0.3**2])
-    assert match_scan(scan, submap, guess, covariance, 0.0, LIDAR).T_submap_scan.distance(T_a_b) > 0.1
-    match = match_scan(scan, submap, guess, covariance, LIDAR.search_below, LIDAR)
+    assert match_scan(scan, submap, guess, covariance, 0.0, LIDAR, None).T_submap_scan.distance(T_a_b) > 0.1
+    match = match_scan(scan, submap, guess, covariance, LIDAR.search_below, LIDAR, None)
     assert match.T_submap_scan.distance(T_a_b) < 0.01
     assert abs(wrap(match.T_submap_scan.theta - T_a_b.theta)) < math.radians(0.2)
 

@@ -8,11 +8,10 @@ from rooms import CORRIDOR, HALL, LIDAR, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.lidar.point_index import PointIndex
-from wayfi.frontends.lidar.relocation import RelocationConfig, relocate
+from wayfi.frontends.lidar.relocation import relocate
 from wayfi.frontends.lidar.scan_matching import merge_submap
 from wayfi.recordings.simulation.surfaces import box
 
-CONFIG = RelocationConfig()
 SQUARE = box(-3.0, -3.0, 3.0, 3.0)
 ROUND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]])
 PATH = np.array([[-4.5 + 0.5 * k, -2.5, 0.0] for k in range(14)])
@@ -27,7 +26,7 @@ def submap(faces: Floats, path: Floats) -> PointIndex:
 
 def found(faces: Floats, path: Floats, truth: Pose2, guess: Pose2) -> Pose2 | None:
     scan = see(faces, truth, np.random.default_rng(1))
-    result = relocate(scan, submap(faces, path), guess, CONFIG, LIDAR.correlative, LIDAR.icp)
+    result = relocate(scan, submap(faces, path), guess, LIDAR)
     return result.T_target_scan if result else None
 
 

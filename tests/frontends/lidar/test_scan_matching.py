@@ -29,7 +29,7 @@ def matched(faces: Floats, start: Pose2, guess: Pose2, covariance: Floats = WHEE
     rng = np.random.default_rng(seed)
     submap = merge_submap([see(faces, start, rng)], np.zeros((1, 3)), LIDAR.cell_m)
     assert submap is not None
-    return match_scan(see(faces, start @ STEP, rng), submap, guess, covariance, LIDAR.search_below, LIDAR)
+    return match_scan(see(faces, start @ STEP, rng), submap, guess, covariance, LIDAR.search_below, LIDAR, None)
 
 
 def information(theta: float, along: float, across: float) -> Floats:

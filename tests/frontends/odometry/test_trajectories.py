@@ -99,3 +99,12 @@ def test_what_was_published_is_kept_as_it_was() -> None:
 def test_a_drive_that_never_began_has_no_trajectory() -> None:
     assert Trajectories().stamps_ns().shape == (0,)
     assert Trajectories().online().shape == (0, 3)
+
+
+def test_the_way_that_a_robot_was_carried_bends_nothing_before() -> None:
+    points = [PathPoint(k * S // 10, Pose2(0.1 * k, 0.0, 0.0), 0.1 * k) for k in range(21)]
+    poses = np.array([[0.0, 0.0, 0.0], [5.0, 3.0, 1.0], [5.54, 3.84, 1.0]])
+    final = trajectories(points).final(points[::10], poses, np.zeros(4), moved_to=[1])
+    np.testing.assert_allclose(final[:10, 0], np.linspace(0, 0.9, 10), atol=1e-9)
+    np.testing.assert_allclose(final[:10, 1:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(final[[10, 20]], poses[1:], atol=1e-9)

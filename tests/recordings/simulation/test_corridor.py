@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from wayfi.recordings.simulation import corridor
+from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, start, wifi_scans
 from wayfi.recordings.simulation.worlds import World
 
-RUNS = {world: start(world, seed=0, rough=False) for world in (World.CORRIDOR, World.RING)}
+RUNS = {world: start(world, seed=0, robot=Robot.IDEAL) for world in (World.CORRIDOR, World.RING)}
 
 
 @pytest.fixture(params=list(RUNS), ids=str)
