@@ -21,7 +21,7 @@ class ClockConfig:
 class AxesConfig:
     """When the wheels alone tell the axes of the building, along which robots mostly drive."""
 
-    enabled: bool = option(False, "", "true where walls or lanes stand at right angles; not measured everywhere")
+    enabled: bool = option(True, "", "false in round halls, where a wide circle is taken for a corridor at first")
     sample_m: float = option(2.0, "m", "of path to one sample: over it a robot that avoids something has come back")
     sigma_rad: float = option(0.1, "rad", "by which a sample's heading differs from its axis: 0.2 m to a side in 2 m")
     share_along: float = option(0.5, "", "of samples along an axis, at first; then it is learnt")

@@ -21,9 +21,9 @@ from wayfi.service.evaluation.trajectory_scores import relation_error
 SLOW = pytest.mark.slow
 # ATE RMSE, m, final and online; without a laser and before the first loop the online pose follows the wheels
 BOUNDS_M = {
-    "b14test1": (0.45, 5.8),
-    "b24test2": (0.68, math.inf),
-    "b3test2": (1.0, math.inf),
+    "b14test1": (0.30, 3.5),
+    "b24test2": (0.27, 7.5),
+    "b3test2": (1.0, 2.6),
     "flat_calib3": (0.6, 0.56),
     "intel": (0.11, 0.18),
     "intel_wifi": (0.11, 0.2),
