@@ -4,7 +4,6 @@ Bounds are at most 1.5 times what was measured (tests/benchmarks/RESULTS.md). Th
 so are the wheels and the WiFi of killian_part.
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
