@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from wayfi.backend.pose2 import between_all
-from wayfi.recordings.simulation import warehouse
 from wayfi.recordings.simulation.run import Run, start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds import warehouse
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 RUNS = {(world, seed): start(world, seed) for world in World for seed in range(4)}
 
