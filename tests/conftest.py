@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 os.environ["RERUN_ANALYTICS"] = "0"
 sys.path.insert(0, str(Path(__file__).parent))  # import benchmarks.soak

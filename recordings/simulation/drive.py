@@ -89,10 +89,11 @@ def _rounded(plan: RoutePlan, rng: np.random.Generator) -> TurnedRoute:
 def _angular(plan: RoutePlan, rng: np.random.Generator) -> TurnedRoute:
     """The route with deviations and turns on the spot; straight along a line where it has no corner."""
     xy = _resampled(plan.corners)
-    xy += _deviation(len(xy), plan.wiggle_m, rng)
-    within = np.searchsorted(np.hypot(*np.diff(xy, axis=0).T).cumsum(), plan.length_m) + 1
     sides_m = np.hypot(*np.diff(plan.corners, axis=0).T)
     corners = np.round(sides_m.cumsum()[:-1] / STEP_M).astype(np.int64)
+    xy[corners] = plan.corners[1:-1]  # between two points, a corner would bend a leg
+    xy += _deviation(len(xy), plan.wiggle_m, rng)
+    within = np.searchsorted(np.hypot(*np.diff(xy, axis=0).T).cumsum(), plan.length_m) + 1
     return with_turns(xy[: within + 1] - xy[0], corners[corners < within - 1])
 
 

@@ -22,7 +22,7 @@ from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
 from wayfi.recordings.simulation.spatial import spatial_measurements
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 _SENSOR_OF: dict[type[Measurement], Sensor] = {
     StaticTransforms: Sensor.TF_STATIC,

@@ -32,7 +32,7 @@ from wayfi.recordings.simulation.robots.models import MODELS, Robot
 from wayfi.recordings.simulation.robots.mounting import draw_mount
 from wayfi.recordings.simulation.roughness import roughened
 from wayfi.recordings.simulation.surfaces import Surfaces, join
-from wayfi.recordings.simulation.worlds import BLUEPRINTS, Blueprint, World
+from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, Blueprint, World
 from wayfi.recordings.trajectory import Trajectory
 
 EPOCH_NS = 1_700_000_000_000_000_000

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.cli.summaries import print_evaluation
 from wayfi.service.config import Config
 from wayfi.service.evaluation.evaluate import evaluate, write_evaluation

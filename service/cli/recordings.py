@@ -74,7 +74,7 @@ def simulate(
     """Make a recording of a simulated robot, and its true trajectory."""
     with command_output(quiet, as_json) as output:
         from wayfi.recordings.simulation.recorder import simulate
-        from wayfi.recordings.simulation.worlds import World
+        from wayfi.recordings.simulation.worlds.blueprints import World
         from wayfi.service.cli.robots import robot_model
 
         if world not in list(World):

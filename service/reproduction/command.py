@@ -6,7 +6,7 @@ from pathlib import Path
 
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.process.console import Output

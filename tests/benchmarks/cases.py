@@ -12,7 +12,7 @@ from pathlib import Path
 
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.robots.models import Robot
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED, MADE = ROOT.parent / "shared", ROOT / "build" / "benchmarks"

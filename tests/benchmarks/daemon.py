@@ -26,7 +26,7 @@ from live.runs import error_m, replays_alike, report_of
 from rerun.experimental import ViewerClient
 
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 UNDISTURBED_S = 20.0  # at the end of the drive that is killed
 BETWEEN_PICTURES_S = 0.5

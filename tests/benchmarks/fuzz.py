@@ -22,12 +22,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 from drives import simulated
-from fuzzed_drive import Fed, as_cloud, fuzzed, thinned
+from faulty.fuzzed_drive import Fed, as_cloud, fuzzed, thinned
 
 from wayfi.frontends.events import Event, FingerprintAdded, KeyframeAdded, PosePublished
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry
 from wayfi.recordings.log import NullLog
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.config import load_config
 from wayfi.service.drive.drive import Drive
 

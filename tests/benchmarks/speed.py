@@ -28,7 +28,7 @@ from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.config import load_config
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.warm_up import warm_up

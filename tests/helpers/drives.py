@@ -28,7 +28,7 @@ from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.recorder import SimulatedRecording
 from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
 from wayfi.service.evaluation.trajectory_scores import absolute_error

@@ -8,7 +8,7 @@ from true_matches import Errors, joined, other_world, own_world
 from wayfi.backend.pose2 import Floats
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 MOST = np.array([0.3e-3, 0.3e-3, 0.1e-3])  # m, m, rad
 AXES = ("along", "across", "heading")

@@ -10,7 +10,7 @@ from wheel_headings import BACKEND, Steps, foretold, steps_of
 from wayfi.backend.pose2 import Floats
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 AHEAD = 160  # keyframes, 80 m
 SEEDS = range(4)

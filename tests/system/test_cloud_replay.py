@@ -13,7 +13,7 @@ from wayfi.frontends.measurements import LaserScan, Odometry, PointCloud, Static
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.simulation.run import measurements, start
 from wayfi.recordings.simulation.spatial import spatial_measurements
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.evaluation.trajectory_scores import absolute_error
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from drives import RESULT_FILES, Simulated, ate_m, lines, run, write
-from faults import LASER_M, replay_refused
+from faulty.faults import LASER_M, replay_refused
 
 
 @pytest.fixture(scope="module")

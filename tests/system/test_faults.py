@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drives import RESULT_FILES, Simulated, ate_m, change, lines, run, write
-from faults import (
+from faulty.faults import (
     NO_LASER,
     OFF,
     WHEELS_M,

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from drives import Simulated
-from fuzzed_drive import as_cloud, fuzzed, sensor_of, thinned
-from fuzzing import Mutator
+from faulty.fuzzed_drive import as_cloud, fuzzed, sensor_of, thinned
+from faulty.fuzzing import Mutator
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished

@@ -16,7 +16,7 @@ from wayfi.frontends.measurements import LaserScan, Measurement
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.simulation import run as simulation
 from wayfi.recordings.simulation.run import EPOCH_NS, T_BASE_LASER, start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
 from wayfi.service.evaluation.trajectory_scores import absolute_error

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from drives import Simulated, change, write
-from faults import (
+from faulty.faults import (
     at_pose,
     replay_refused,
 )

@@ -8,7 +8,7 @@ from drives import Replayed, replay_by_cli
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.simulation.recorder import SimulatedRecording, simulate
 from wayfi.recordings.simulation.robots.models import Robot
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.evaluation.evaluate import Evaluation, evaluate
 
 MB = 1e6

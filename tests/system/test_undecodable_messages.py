@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from drives import Simulated, ate_m, change, lines, run, write
-from faults import LASER_M, NO_LASER, garbage, replay_refused
+from faulty.faults import LASER_M, NO_LASER, garbage, replay_refused
 
 from wayfi.frontends.measurements import LaserScan, Odometry, WifiScan
 

@@ -23,7 +23,7 @@ from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.run import odometry, start, wifi_scans
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
 from wayfi.service.daemon.diagnostics import Diagnostics

@@ -10,7 +10,7 @@ from wayfi.frontends.wifi.readings import Readings
 from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers, stronger_differences
 from wayfi.frontends.wifi.wifi_config import ReceiversConfig
 from wayfi.recordings.simulation.run import start, wifi_scans
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 CONFIG = ReceiversConfig()
 FADING_DB, DETECTION_DBM = 3.0, -92.0

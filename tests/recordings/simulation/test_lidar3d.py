@@ -13,7 +13,7 @@ from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import mount, start
 from wayfi.recordings.simulation.spatial import clouds, spatial_measurements
 from wayfi.recordings.simulation.surfaces import Material, Surfaces, box, join, moving, still
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 CAR = box(4.0, -2.0, 5.8, 2.0)
 

@@ -7,7 +7,7 @@ from rooms import distances_m, faces_at
 from wayfi.recordings.simulation.people import people
 from wayfi.recordings.simulation.run import Run, start, stream
 from wayfi.recordings.simulation.surfaces import Surfaces
-from wayfi.recordings.simulation.worlds import BLUEPRINTS, World
+from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, World
 
 
 def legs(run: Run, world: World) -> Surfaces:

@@ -7,7 +7,7 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.recordings.simulation import radio
 from wayfi.recordings.simulation.run import EPOCH_NS, start, wifi_scans
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 CAR_PARK = start(World.CARPARK, seed=0)
 HEARD = tuple(wifi_scans(CAR_PARK))

@@ -9,7 +9,7 @@ from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, 
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import measurements, start
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.cli.app import app
 
 

@@ -6,7 +6,7 @@ from wayfi.backend.pose2 import Floats
 from wayfi.recordings.simulation import laser, roughness, surfaces
 from wayfi.recordings.simulation.run import start
 from wayfi.recordings.simulation.surfaces import Material, Surfaces
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 ROOM = surfaces.box(-3.0, -2.0, 5.0, 4.0)
 

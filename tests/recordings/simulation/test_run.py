@@ -8,7 +8,7 @@ from wayfi.backend.pose2 import between_all
 from wayfi.frontends.measurements import LaserScan, Odometry, WifiScan
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, measurements, start, wifi_scans
-from wayfi.recordings.simulation.worlds import BLUEPRINTS, World
+from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, World
 
 FULL_RUNS = {world: start(world, seed=3) for world in World}
 

@@ -7,7 +7,7 @@ from wayfi.backend.pose2 import Floats, between_all
 from wayfi.recordings.simulation import wheels
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, odometry, start, stream
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 FULL_RUNS = {world: start(world, seed=3) for world in World}
 

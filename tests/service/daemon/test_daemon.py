@@ -35,7 +35,7 @@ from wayfi.recordings.ros.messages import (
 )
 from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.transport.message_queue import QueueDrop
 
 FILES = {

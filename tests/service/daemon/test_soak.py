@@ -6,7 +6,7 @@ import pytest
 from benchmarks.soak import GROWTH_MB, Soak, growth_mb
 
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 DRIVES = 5
 

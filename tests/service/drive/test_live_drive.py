@@ -20,7 +20,7 @@ from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.recordings.simulation.recorder import simulate
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.blackbox.checkpoint import read_checkpoint, write_checkpoint
 from wayfi.service.config import Config

@@ -11,7 +11,7 @@ from drives import Arrival, Simulated, write
 
 from wayfi.recordings.simulation.run import start
 from wayfi.recordings.simulation.spatial import spatial_measurements
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.compilation import watch_compilation
 

@@ -14,7 +14,7 @@ import wayfi
 from wayfi.frontends.events import KeyframeAdded, PosePublished
 from wayfi.recordings.simulation.run import start
 from wayfi.recordings.simulation.spatial import spatial_measurements
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 SAME = ("trajectory.tum", "online.tum", "closures.csv", "radio.csv", "graph.g2o", "calibration.toml", "config.toml")
 T = 1_700_000_000_000_000_000

@@ -9,7 +9,7 @@ from wayfi.recordings.simulation.robots.models import MODELS, Robot
 from wayfi.recordings.simulation.robots.mounting import draw_mount
 from wayfi.recordings.simulation.run import T_BASE_LASER, start
 from wayfi.recordings.simulation.wheels import WheelErrors, draw_wheels
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 MANY = 400
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.frontends.measurements import LaserScan
-from wayfi.recordings.simulation import campus
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start, wifi_scans
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds import campus
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 Floats = NDArray[np.float64]
 

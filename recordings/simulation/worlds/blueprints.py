@@ -6,11 +6,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from wayfi.recordings.simulation import campus, carpark, corridor, office, warehouse
 from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.laser import UST_20LX, LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces
+from wayfi.recordings.simulation.worlds import campus, carpark, corridor, office, warehouse
 
 
 class World(StrEnum):

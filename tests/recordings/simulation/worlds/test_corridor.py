@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from wayfi.recordings.simulation import corridor
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, start, wifi_scans
-from wayfi.recordings.simulation.worlds import World
+from wayfi.recordings.simulation.worlds import corridor
+from wayfi.recordings.simulation.worlds.blueprints import World
 
 RUNS = {world: start(world, seed=0, robot=Robot.IDEAL) for world in (World.CORRIDOR, World.RING)}
 

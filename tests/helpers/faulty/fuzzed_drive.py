@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from fuzzing import Mutator
+from faulty.fuzzing import Mutator
 
 from wayfi.frontends.measurements import (
     LaserScan,

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.recordings.simulation.campus import walls
 from wayfi.recordings.simulation.drive import RoutePlan, TrueMotion
 from wayfi.recordings.simulation.laser import LaserSpec
 from wayfi.recordings.simulation.radio import RadioPlan
 from wayfi.recordings.simulation.surfaces import Surfaces, still
+from wayfi.recordings.simulation.worlds.campus import walls
 
 Floats = NDArray[np.float64]
 
