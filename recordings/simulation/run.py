@@ -154,8 +154,9 @@ def _step_errors(run: Run, period_s: float) -> wheels.StepErrors:
 
 
 def scans(run: Run) -> Iterator[LaserScan]:
-    """The scans of the planar laser."""
-    return scans_at(run, EPOCH_NS + np.arange(run.scan_delay_ns, run.length_ns + 1, run.laser.period_ns))
+    """The scans of the planar laser that end within the drive."""
+    sweep_ns = round(run.laser.sweep_s * SECOND_NS) if run.rough else 0
+    return scans_at(run, EPOCH_NS + np.arange(run.scan_delay_ns, run.length_ns - sweep_ns + 1, run.laser.period_ns))
 
 
 def scans_at(run: Run, stamps: Stamps) -> Iterator[LaserScan]:
