@@ -28,10 +28,13 @@ BOUNDS_M = {
     "intel_wifi": (0.11, 0.2),
     "killian_part": (1.1, 2.8),
     "fr101": (0.11, 0.22),
-    "belgioioso": (0.25, 1.0),
+    "belgioioso": (0.18, 1.8),
     "seattle": (0.057, 0.19),
-    "ilc_site1F1": (4.3, 4.3),
+    "ilc_site1F1": (4.2, 4.3),
 }
+CALIBRATED_M = {"b24test2": 0.55, "b3test2": 1.0}  # final, with what b14test1 taught
+# Its stamps are some ns off the odometry's, and so the poses beside its pauses of 13 and 86 s lie within them
+NOT_COVERED = {"killian_part": 4}
 RELATIONS_M = {"fr079_raw": 0.07}
 # The area that the laser's hits fill: 1.15 times the measured one, for a corridor drawn twice makes it 1.3 times that
 WALLS_M2 = {
@@ -43,7 +46,7 @@ WALLS_M2 = {
     "leg_three_lasers": 12.3,
 }
 SETTINGS = {"leg_three_lasers": ["recording.scan=/rear_scan"]}
-LED_BY_LASER = {"flat_calib3": 46}  # scans of the seconds before the first odometry and after the last
+LED_BY_LASER = {"flat_calib3": 45}  # scans of the seconds before the first odometry and after the last
 LONG = {"intel_wifi", "killian_part", "belgioioso", "seattle", "fr101", "fr079_raw", "wean2"}
 
 
@@ -63,7 +66,7 @@ def test_a_real_recording_is_near_its_reference(name: str, real_data: Path, tmp_
     assert len(read_tum(tmp_path / "trajectory.tum")) == accepted + by_laser
     assert ("no odometry: the laser leads" in report["warnings"]) == (by_laser > 0)
     scores = evaluate(tmp_path, truth)
-    assert scores.final.alignment.error.not_covered == 0
+    assert scores.final.alignment.error.not_covered == NOT_COVERED.get(name, 0)
     final_m, online_m = (score.alignment.error.ate_rmse_m for score in (scores.final, scores.online))
     assert final_m < BOUNDS_M[name][0]
     assert online_m < BOUNDS_M[name][1]
@@ -108,7 +111,7 @@ def test_what_one_building_taught_of_the_wheels_holds_in_the_next(
     recording, truth = real_data / name / "recording.mcap", real_data / name / "truth.tum"
     replay_by_cli(recording, tmp_path, "--no-rrd", "--calibration", learnt / "calibration.toml")
     evaluation = evaluate(tmp_path, truth)
-    assert evaluation.final.alignment.error.ate_rmse_m < BOUNDS_M[name][0]
-    assert evaluation.online.alignment.error.ate_rmse_m < 2.5
+    assert evaluation.final.alignment.error.ate_rmse_m < CALIBRATED_M[name]
+    assert evaluation.online.alignment.error.ate_rmse_m < 1.6
     wifi = evaluation.closures[ClosureKind.WIFI]
     assert wifi.right == wifi.scored > 0
