@@ -30,6 +30,7 @@ FLOOR_M = 0.005  # what other scans of the same place change
 SAME_M = 0.01  # the order of arrival, and beams at the limit, change the rounding of scan matching
 ANYHOW_M = 0.1
 CLOCK_S, STAMPED_M = 0.05, 0.1
+FORGOTTEN_M = 0.25  # what was driven before another clock is corrected is left to wheels that nobody calibrated
 FIVE_SECONDS_M = 2.5  # driven in that time, at 0.5 m/s
 Fault = Callable[[LaserScan, float], LaserScan | None]
 
@@ -238,7 +239,7 @@ def test_wrong_stamps_are_told_and_corrected(shift_s: float, before: list[tuple[
     corrected = [e.text for e in faulty.events if isinstance(e, Warned) and e.complaint == "laser.clock"]
     assert len(corrected) == 1
     assert abs(told_s(corrected[0]) + shift_s) < CLOCK_S
-    assert faulty.ate_m <= STAMPED_M
+    assert faulty.ate_m <= FORGOTTEN_M
     assert faulty.wrong_closures() == []
 
 

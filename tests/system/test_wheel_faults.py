@@ -68,7 +68,7 @@ CARRIED = Pose2(2.0, 1.5, 1.0)
 
 def test_a_robot_that_is_carried_within_the_hall_is_found_again() -> None:
     driven = follow(
-        [*TO_THE_CORNER, Leg(4.0), Leg(wait_s=2.0), Leg(wait_s=3.0, put=CARRIED), Leg(2.0), Leg(wait_s=3.0)]
+        [*TO_THE_CORNER, Leg(4.0), Leg(wait_s=2.0), Leg(wait_s=3.0, put=CARRIED), Leg(4.0), Leg(wait_s=3.0)]
     )
     carried = driven.start_s(7)
     second, reason = only_doubt(driven)

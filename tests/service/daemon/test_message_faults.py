@@ -17,6 +17,7 @@ RATE = 30.0  # times real time
 SHARE = 0.05
 LATE_S = 0.5
 CLOSE_M = 0.2
+WHEELS_M = 0.5  # after a minute on wheels that wander: 1.5 % of 30 m
 JUMP_S = 10.0
 
 
@@ -64,7 +65,7 @@ def test_messages_lost_sent_twice_and_late(minute: Simulated, tmp_path: Path) ->
 def test_a_sensor_silent_for_a_minute(longer: Simulated, tmp_path: Path, kind: type[Measurement]) -> None:
     daemon = driven(tmp_path, silent(longer.arrivals, kind))
     assert_every_pose(daemon)
-    assert error_m(daemon.folder, longer.truth) < CLOSE_M
+    assert error_m(daemon.folder, longer.truth) < (WHEELS_M if kind is LaserScan else CLOSE_M)
 
 
 def test_clocks_that_jump(minute: Simulated, tmp_path: Path) -> None:

@@ -99,8 +99,9 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return recorded(tmp_path_factory.mktemp("office"), 2.0)
 
 
-@pytest.mark.parametrize("behind", [0, 10, 300])
-def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: int) -> None:
+# 300 messages are 30 s, in which wheels that err by 3.5 % go 0.5 m wrong at 0.5 m/s, until they are calibrated
+@pytest.mark.parametrize(("behind", "worse_m"), [(0, 0.05), (10, 0.05), (300, 0.15)])
+def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: int, worse_m: float) -> None:
     daemon = Daemon(behind)
     plain = PlainReplayer(Drive(Config(), None, NullLog()))
     for record in drive.records:
@@ -110,7 +111,7 @@ def test_poses_on_earlier_estimates_are_nearly_as_good(drive: Recorded, behind: 
     assert np.array_equal(live.final, zero.final)
     assert np.array_equal(live.stamps_ns, zero.stamps_ns)
     errors = [absolute_error(Trajectory(r.stamps_ns, r.online), drive.truth).error.ate_rmse_m for r in (live, zero)]
-    assert errors[0] < errors[1] + 0.05
+    assert errors[0] < errors[1] + worse_m
     assert not np.array_equal(live.online, zero.online)
 
 
