@@ -17,7 +17,7 @@ OTHER_WORLDS, MINUTES, OTHER_SEED = ("garage", "office", "warehouse"), 4.0, 1
 TOOL = SHARED / "tools" / "other_worlds.py"
 
 LEADS = "matches lead by 0.5 mm along the way where cars and pillars are seen from all sides"
-FLOORS = "the floors under a match's sigma, 4 mm and 1.5 mrad, are several times its errors"
+FLOORS = "the floors under a match's sigma, 2 mm and 0.5 mrad, and the sharing of beams, are several times its errors"
 
 
 @pytest.fixture(scope="module", params=World, ids=str)
