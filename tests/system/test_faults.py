@@ -162,13 +162,13 @@ FAULTS = {
     "odometry stops": Fault(
         lambda drive: [a for a in drive.arrivals if not (isinstance(a.measurement, Odometry) and a.second > 30.01)],
         {},
-        poses=301 + 300,
+        poses=301 + 299,  # scans are stamped like odometry, and the last sweep ends within the drive
         warnings=(NO_LASER,),
     ),
     "odometry pauses": Fault(
         lambda drive: [a for a in drive.arrivals if not (isinstance(a.measurement, Odometry) and 30 < a.second < 45)],
         {},
-        poses=301 + 150 + 151,
+        poses=301 + 149 + 151,
         warnings=(NO_LASER, "odometry has come: the wheels lead from here on, not the laser"),
     ),
     "odometry ends before the last scan": Fault(
