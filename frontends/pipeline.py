@@ -224,7 +224,7 @@ class Pipeline:
             return
         self._scans.shift_stamps(offset_s)
         late = f"{abs(offset_s):.2f} s {'early' if offset_s > 0 else 'late'}"
-        if abs(offset_s) <= self._config.lidar.clock.latency_s:
+        if abs(offset_s) <= self._config.lidar.clock.latency.max_s:
             yield Warned(stamp_ns, f"laser: its driver stamps its scans {late}; corrected")
             yield from self._slam.shift_scans(offset_s, self._trajectories)
             return

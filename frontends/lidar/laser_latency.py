@@ -33,15 +33,15 @@ def latency_s(turns: list[Turn], offsets_s: Floats, config: LatencyConfig) -> fl
     """
     if len(turns) < config.min_turns:
         return None
-    small = np.flatnonzero(np.abs(offsets_s) <= config.max_s + 1e-9).tolist()
+    step_s = offsets_s[1] - offsets_s[0]
+    small = np.flatnonzero(np.abs(offsets_s) < config.max_s + step_s).tolist()
     errors_rad = np.array([_mean_error_rad(turns, offset) for offset in small])
     best, none = int(errors_rad.argmin()), len(small) // 2
     gain = len(turns) * math.log(errors_rad[none] / errors_rad[best])
     if best in (0, len(small) - 1) or gain < config.min_gain:
         return None
-    step_s = offsets_s[1] - offsets_s[0]
     latency = float(offsets_s[small[best]] + vertex(*errors_rad[best - 1 : best + 2] ** 2) * step_s)
-    return latency if abs(latency) >= config.min_s else None
+    return latency if config.min_s <= abs(latency) <= config.max_s else None
 
 
 def vertex(before: float, lowest: float, after: float) -> float:

@@ -58,7 +58,7 @@ class RelocationConfig:
 class LatencyConfig:
     """When the laser's driver is found to stamp its scans late."""
 
-    max_s: float = option(0.4, "s", "either way; real drivers were seen to be 0.1 to 0.2 late")
+    max_s: float = option(0.35, "s", "either way; real drivers are 0.1 to 0.2 late, and more is another clock")
     min_s: float = option(0.04, "s", "less is 2 cm at 0.5 m/s, and not worth moving the scans")
     min_turns: int = option(20, "turns", "as many as a robot makes in some minutes")
     max_turns: int = option(200, "turns", "the last ones: bounds the cost")
@@ -76,7 +76,6 @@ class LaserClockConfig:
     max_error_rad: float = option(0.3, "rad", "a failed scan match counts no more than this")
     min_turns: int = option(8, "turns", "seven were seen to agree on 0.94 s by chance")
     min_agreement: float = option(0.8, "", "of the turns must fit better with the offset: no few large ones decide")
-    latency_s: float = option(0.35, "s", "an offset up to this is a driver's latency, as most have")
     max_turns: int = option(40, "turns", "the last ones: older turns may be from before the clock was set")
     min_gain: float = option(6.0, "1", "factor on the mean squared error; sound recordings were seen to have 2.7")
     good_error_rad: float = option(0.05, "rad", "root mean square without an offset: below it none is looked for")

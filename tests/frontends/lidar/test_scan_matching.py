@@ -8,15 +8,18 @@ from rooms import CORRIDOR, HALL, see
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.lidar.icp import IcpResult
+from wayfi.frontends.lidar.laser_points import scan_from_points
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_matching import (
     ScanMatch,
+    SubmapRays,
     constrained_directions,
     match_covariance,
     match_scan,
     merge_submap,
     without_prior,
 )
+from wayfi.frontends.scan_points import ScanPoints
 
 LIDAR = LidarConfig()
 STEP = Pose2(0.4, 0.0, 0.1)
@@ -100,3 +103,24 @@ def test_without_the_prior_the_pose_is_that_of_the_scan_alone(numbers: list[floa
 
 def test_a_submap_without_points_is_none() -> None:
     assert merge_submap([], np.empty((0, 3)), LIDAR.cell_m) is None
+
+
+def near(pose: Pose2, seed: int) -> ScanPoints:
+    """What a laser of 6 m range sees of the bare corridor."""
+    seen = see(CORRIDOR, pose, np.random.default_rng(seed), sigma_m=0.02)
+    return scan_from_points(seen.points[np.hypot(*seen.points.T) < 6.0], Pose2(), LIDAR)
+
+
+@pytest.mark.parametrize("protected", [True, False])
+def test_a_robot_is_not_held_back_in_a_bare_corridor_where_a_scan_fits_better_the_further_back_it_is(
+    protected: bool,
+) -> None:
+    """Wheels lead 1 m ahead, and rightly; the search, told of the submap's rays, leaves them alone."""
+    scans, poses = [near(Pose2(-0.5 * k, 0.0, 0.0), k) for k in range(8)], -0.5 * np.arange(8.0)[:, None] * [1.0, 0, 0]
+    submap = merge_submap(scans, poses, LIDAR.cell_m)
+    assert submap is not None
+    guess = Pose2(2.0, 0.0, 0.0)
+    rays = SubmapRays(scans, poses) if protected else None
+    match = match_scan(near(guess, 9), submap, guess, WHEELS, 1.0, LIDAR, rays)
+    back_m = guess.x - match.T_submap_scan.x
+    assert back_m < 0.05 if protected else back_m > 0.3
