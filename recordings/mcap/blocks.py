@@ -14,6 +14,7 @@ from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import breakup_chunk
 
 from wayfi.backend.errors import WayfiError
+from wayfi.recordings.ros.topics import Channel
 
 READ_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, MemoryError, OverflowError, OSError)
 MAGIC = b"\x89MCAP0\r\n"
@@ -34,6 +35,11 @@ class Record:
     encoding: str
     log_time_ns: int
     data: bytes
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that it came on."""
+        return Channel(self.topic, self.type_name, self.encoding)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, McapRecord, Message, Schema, Statistics
+from mcap.records import Attachment, Header, McapRecord, Message, Schema, Statistics
+from mcap.records import Channel as McapChannel
 
 from wayfi.recordings.mcap.blocks import (
     MAGIC,
@@ -29,6 +30,7 @@ from wayfi.recordings.mcap.blocks import (
     read_bytes,
     top_level_records,
 )
+from wayfi.recordings.ros.topics import Channel
 
 _CHUNK_HEADER = struct.Struct("<QQQ")
 _MESSAGE_HEADER = struct.Struct("<HIQQ")
@@ -46,12 +48,12 @@ class McapIndex:
         self.profile = ""
         self.finished = False
         self.blocks: list[Block] = []
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[Channel] = Counter()
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         self.warning: str | None = None
         self._schemas: dict[int, str] = {}
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, McapChannel] = {}
         self._attachments: list[RecordSpan] = []
         self._statistics: Statistics | None = None
         self._run: Block | None = None
@@ -129,7 +131,7 @@ class McapIndex:
         elif opcode == Opcode.STATISTICS:
             self._statistics = Statistics.read(stream)
         else:
-            self._register([Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)])
+            self._register([Schema.read(stream) if opcode == Opcode.SCHEMA else McapChannel.read(stream)])
 
     def _extend_run(self, span: RecordSpan, log_time_ns: int) -> None:
         start = span.offset - RECORD_HEADER.size
@@ -151,13 +153,15 @@ class McapIndex:
         for record in contents:
             if isinstance(record, Schema):
                 self._schemas[record.id] = record.name
-            elif isinstance(record, Channel):
+            elif isinstance(record, McapChannel):
                 self._channels[record.id] = record
 
     def _record(self, message: Message) -> Record:
-        channel = self._channels[message.channel_id]
-        type_name = self._schemas.get(channel.schema_id, "")
-        return Record(channel.topic, type_name, channel.message_encoding, message.log_time, message.data)
+        return Record(*self._channel(message.channel_id), message.log_time, message.data)
+
+    def _channel(self, channel_id: int) -> Channel:
+        channel = self._channels[channel_id]
+        return Channel(channel.topic, self._schemas.get(channel.schema_id, ""), channel.message_encoding)
 
     def _read_attachment(self, span: RecordSpan) -> Attachment:
         data = read_bytes(self.path, span.offset, span.length)
@@ -172,7 +176,7 @@ class McapIndex:
     def _count_by_statistics(self, statistics: Statistics) -> None:
         for channel_id, count in statistics.channel_message_counts.items():
             if channel_id in self._channels:
-                self.counts[self._channels[channel_id].topic] += count
+                self.counts[self._channel(channel_id)] += count
         if statistics.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
 
@@ -184,7 +188,7 @@ class McapIndex:
             if not records:
                 continue
             stamps_ns = [record.log_time_ns for record in records]
-            self.counts.update(record.topic for record in records)
+            self.counts.update(record.channel for record in records)
             self.start_ns = min(stamps_ns if self.start_ns is None else [self.start_ns, *stamps_ns])
             self.end_ns = max(stamps_ns if self.end_ns is None else [self.end_ns, *stamps_ns])
             readable.append(Block(block.offset, block.length, min(stamps_ns), block.is_chunk))
