@@ -3,21 +3,11 @@
 from pathlib import Path
 
 import pytest
-from drives import Simulated, ate_m, run, write
+from drives import Simulated, ate_m, run
 from faulty.faults import LASER_M
-
-from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.mcap.writer import McapWriter
-
-
-def renamed(drive: Simulated, path: Path, topics: dict[str, list[str]]) -> Path:
-    """The drive as a recording with each message on the topics that its own is called there."""
-    whole = write(path.with_name("whole.mcap"), drive.arrivals)
-    with McapWriter(path) as writer:
-        for r in open_recording(whole):
-            for topic in topics.get(r.topic, [r.topic]):
-                writer.write(topic, r.type_name, r.encoding, r.log_time_ns, r.data)
-    return path
+from faulty.files import packed, renamed, spoil
+from mcap.writer import CompressionType
+from mcap_files import chunk_indexes
 
 
 @pytest.mark.parametrize(
@@ -43,3 +33,19 @@ def test_of_two_lasers_neither_is_chosen_and_the_settings_are_named(minute: Simu
     report = run(path, tmp_path / "front", "recording.scan=/front/scan")
     assert ate_m(tmp_path / "front", minute.truth) < LASER_M
     assert not any("recording.scan" in line for line in report["warnings"])
+
+
+@pytest.mark.parametrize("compression", list(CompressionType), ids=lambda compression: compression.name)
+@pytest.mark.parametrize("inside", [True, False], ids=["inside a chunk", "between chunks"])
+def test_damage_costs_what_is_damaged_and_is_told(
+    minute: Simulated, tmp_path: Path, compression: CompressionType, inside: bool
+) -> None:
+    path = packed(minute, tmp_path / "spoilt.mcap", compression)
+    chunk = chunk_indexes(path)[20]
+    spoil(path, chunk.chunk_start_offset + (chunk.chunk_length // 2 if inside else chunk.chunk_length + 2))
+    report = run(path, tmp_path / "out")
+    assert ate_m(tmp_path / "out", minute.truth) < LASER_M
+    (told,) = [line for line in report["warnings"] if "damaged" in line]
+    assert told.startswith("spoilt.mcap is damaged at byte")
+    lost = len(minute.arrivals) - sum(report["messages"].values())
+    assert lost <= (30 if inside else 0)
