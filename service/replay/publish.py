@@ -62,12 +62,14 @@ def publish_recording(
         outlet = _Outlet(session, config, opened)
         outlet.wait_for_listener(deadline_s)
         start_s = time.monotonic()
-        _put_all(recording, outlet, PlaybackRate(rate), progress)
+        playback = PlaybackRate(rate)
+        _put_all(recording, outlet, playback, progress)
         outlet.wait_until_received()
         seconds = time.monotonic() - start_s
     if not outlet.messages:
         raise PublishError(f"{path}: nothing that feeds a sensor; see `wayfi inspect`")
-    return PublishSummary(dict(outlet.messages), seconds, outlet.unused, recording.warnings + sought)
+    warnings = recording.warnings + sought + playback.warnings
+    return PublishSummary(dict(outlet.messages), seconds, outlet.unused, warnings)
 
 
 def _connect(config: ZenohConfig, deadline_s: float) -> zenoh.Session:

@@ -78,7 +78,8 @@ def replay(
         with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
             warm_up()  # else the first tenth of the drive would pay for what is loaded once
             with loaded_objects_left_alone():
-                _play_all(recording, replayer, options.rate, progress, stop)
+                playback = PlaybackRate(options.rate, lambda: stop.requested)
+                _play_all(recording, replayer, playback, progress, stop)
         drive = replayer.drive
         result = drive.finish()
     except BaseException:
@@ -86,8 +87,9 @@ def replay(
         raise
     if len(result.stamps_ns) == 0:
         raise ReplayError(_nothing_usable(recording_path, drive, sought, replayer.unused))
-    warnings = recording.warnings + sought + [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
-    source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
+    warnings = recording.warnings + sought + playback.warnings
+    warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
+    source = Source(time.perf_counter() - start, recording.duration_s - playback.skipped_s, sha256, warnings)
     return write_results(options.out, drive, result, source)
 
 
@@ -98,14 +100,13 @@ def _replayer(recording: Recording, config: Config, calibration: Calibration | N
 
 
 def _play_all(
-    recording: Recording, replayer: Replayer, rate: float | None, progress: Progress, stop: StopSignal
+    recording: Recording, replayer: Replayer, playback: PlaybackRate, progress: Progress, stop: StopSignal
 ) -> None:
     total = max(recording.message_count, 1)
-    playback = PlaybackRate(rate)
     for number, record in enumerate(recording):
+        playback.wait_for(record.log_time_ns)
         if stop.requested:
             raise KeyboardInterrupt
-        playback.wait_for(record.log_time_ns)
         replayer.play(record)
         if number % 100 == 0:
             progress(number / total)
