@@ -14,10 +14,10 @@ from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
+from wayfi.recordings.ros.discovery import find_topics
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS
-from wayfi.recordings.ros.topics import Route, route
+from wayfi.recordings.ros.topics import Channel, Route, route
 
-Channel = tuple[str, str, str]
 _LARGEST_STAMP_NS = 2**63 - 1
 
 
@@ -150,11 +150,13 @@ def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) ->
     """
     recording = open_recording(path)
     configured = DEFAULT_TOPICS if topics is None else topics
+    sought = find_topics(recording.channels, configured)
+    topics = {**configured, **sought.topics}
     statistics: dict[Channel, _ChannelStatistics] = {}
     for record in recording:
-        channel = (record.topic, record.type_name, record.encoding)
+        channel = record.channel
         if channel not in statistics:
-            statistics[channel] = _ChannelStatistics(channel, route(*channel, configured))
+            statistics[channel] = _ChannelStatistics(channel, route(*channel, topics))
         statistics[channel].add(record)
     found = tuple(statistics[channel].inspection() for channel in sorted(statistics))
     return Inspection(
@@ -164,7 +166,7 @@ def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) ->
         sha256=recording.sha256(),
         usable=any(_is_usable(channel) for channel in statistics.values()),
         topics=found,
-        warnings=tuple(recording.warnings),
+        warnings=(*recording.warnings, *sought.warnings),
     )
 
 

@@ -1,24 +1,18 @@
-"""Low-level reading of an MCAP file: its top-level records, and the blocks that hold its messages."""
+"""The blocks of an MCAP file that hold its messages: chunks, and runs of messages outside chunks."""
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
 
-import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Chunk, McapRecord
-from mcap.stream_reader import breakup_chunk
+from mcap.records import ChunkIndex
 
 from wayfi.backend.errors import WayfiError
+from wayfi.recordings.mcap.chunks import Content, decompress
+from wayfi.recordings.mcap.layout import CHUNK_HEADER, RECORD_HEADER, Bytes, RecordSpan
+from wayfi.recordings.ros.topics import Channel
 
-READ_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, MemoryError, OverflowError, OSError)
-MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEADER = struct.Struct("<BQ")
-_LARGEST_CHUNK_BYTES = 1 << 30
+READ_ERRORS = (McapError, ValueError, struct.error, MemoryError, OverflowError, OSError)
 
 
 class RecordingError(WayfiError):
@@ -35,41 +29,59 @@ class Record:
     log_time_ns: int
     data: bytes
 
+    @property
+    def channel(self) -> Channel:
+        """The channel that it came on."""
+        return Channel(self.topic, self.type_name, self.encoding)
+
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """`length` bytes at `offset` of the file that hold messages; `start_ns` is the earliest log time among them."""
+    """`length` bytes at `offset` of the file that hold messages, the earliest and latest of them at these log times.
+
+    Those of a chunk are compressed from `size` bytes with this `checksum` (0: none); `compression` is None for a run of
+    messages outside chunks. A block is `cut` if the file ends in it.
+    """
 
     offset: int
     length: int
     start_ns: int
-    is_chunk: bool
+    end_ns: int
+    compression: str | None = None
+    size: int = 0
+    checksum: int = 0
+    cut: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class RecordSpan:
-    """Where the content of a top-level record is: `length` bytes at `offset`."""
+def chunk_block(data: Bytes, chunk: RecordSpan) -> Block:
+    """The block of the chunk that a scan has found."""
+    start_ns, end_ns, size, checksum = CHUNK_HEADER.unpack_from(data, chunk.offset)
+    at = chunk.offset + CHUNK_HEADER.size
+    (letters,) = struct.unpack_from("<I", data, at)
+    compression = data[at + 4 : at + 4 + letters].decode("utf-8", "replace")
+    (length,) = struct.unpack_from("<Q", data, at + 4 + letters)
+    offset = at + 4 + letters + 8
+    there = min(length, chunk.end - offset)
+    return Block(offset, there, start_ns, end_ns, compression, size, checksum, cut=there < length)
 
-    opcode: int
-    offset: int
-    length: int
+
+def indexed_block(data: Bytes, index: ChunkIndex) -> Block | None:
+    """The block of a chunk whose own first fields may be damaged, None if it does not lie within the file."""
+    end = index.chunk_start_offset + index.chunk_length
+    if end > len(data) or index.compressed_size > index.chunk_length or index.chunk_length < CHUNK_HEADER.size + 9:
+        return None
+    *_, checksum = CHUNK_HEADER.unpack_from(data, index.chunk_start_offset + RECORD_HEADER.size)
+    bounds = index.message_start_time, index.message_end_time
+    packed = index.compressed_size
+    return Block(end - packed, packed, *bounds, index.compression, index.uncompressed_size, checksum)
 
 
-def top_level_records(file: BinaryIO) -> Iterator[RecordSpan]:
-    """The top-level records of `file`, up to the first incomplete one.
-
-    When a span is yielded, the position of `file` is the start of its content.
-    """
-    end = file.seek(0, 2)
-    offset = len(MAGIC)
-    while offset + RECORD_HEADER.size <= end:
-        file.seek(offset)
-        opcode, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
-        offset += RECORD_HEADER.size
-        if opcode == 0 or offset + length > end:
-            return
-        yield RecordSpan(opcode, offset, length)
-        offset += length
+def read_block(path: Path, block: Block) -> Content:
+    """The records in `block`, or those before its damage. Raises one of READ_ERRORS if the file has become shorter."""
+    data = read_bytes(path, block.offset, block.length)
+    if block.compression is None:
+        return Content(data)
+    return decompress(data, block.compression, block.size, block.checksum)
 
 
 def read_bytes(path: Path, offset: int, length: int) -> bytes:
@@ -80,14 +92,3 @@ def read_bytes(path: Path, offset: int, length: int) -> bytes:
     if len(data) < length:
         raise EndOfFile("the file has become shorter")
     return data
-
-
-def read_block(path: Path, block: Block) -> list[McapRecord]:
-    """The records in `block`. Raises one of READ_ERRORS for damage, a wrong checksum included."""
-    data = read_bytes(path, block.offset, block.length)
-    if not block.is_chunk:
-        return list(breakup_chunk(Chunk("", data, 0, 0, 0, len(data))))
-    chunk = Chunk.read(ReadDataStream(BytesIO(data)))
-    if chunk.uncompressed_size > _LARGEST_CHUNK_BYTES:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
-    return list(breakup_chunk(chunk, validate_crc=True))

@@ -1,38 +1,45 @@
 """The index of one MCAP file, which may be unfinished, cut or damaged, without its messages in memory.
 
-The file is scanned record by record, reading little more than record headers; an incomplete record ends the scan.
-Messages are in blocks: a chunk is a block, and so is a run of consecutive messages outside chunks. A block is read only
-when its messages are needed; a block with a wrong checksum is skipped.
+The file is scanned record by record, reading little more than record headers. Messages are in blocks: a chunk is a
+block, and so is a run of consecutive messages outside chunks. A block is read only when its messages are needed.
+
+Damage costs what is damaged. Where a scan meets it, the chunks behind are found by the index at the end of the file or,
+without one, by what looks like a record. Of a chunk that cannot be decompressed, or whose checksum is wrong, the
+plausible messages are kept (salvage.py).
 """
 
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, McapRecord, Message, Schema, Statistics
+from mcap.records import Attachment, ChunkIndex, Header, Schema, Statistics
+from mcap.records import Channel as McapChannel
 
 from wayfi.recordings.mcap.blocks import (
-    MAGIC,
     READ_ERRORS,
-    RECORD_HEADER,
     Block,
     Record,
     RecordingError,
-    RecordSpan,
+    chunk_block,
+    indexed_block,
     read_block,
     read_bytes,
-    top_level_records,
 )
+from wayfi.recordings.mcap.layout import MAGIC, MESSAGE_HEADER, Bytes, RecordSpan
+from wayfi.recordings.mcap.salvage import plausible_records_in, records_in
+from wayfi.recordings.mcap.scan import DAMAGE, scan
+from wayfi.recordings.ros.topics import Channel
 
-_CHUNK_HEADER = struct.Struct("<QQQ")
-_MESSAGE_HEADER = struct.Struct("<HIQQ")
 _MAX_RUN_BYTES = 1 << 20
+_FOOTER = struct.Struct("<QQI")  # summary_start, summary_offset_start, summary_crc
+_SMALL = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX)
 
 
 class McapIndex:
@@ -46,118 +53,201 @@ class McapIndex:
         self.profile = ""
         self.finished = False
         self.blocks: list[Block] = []
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[Channel] = Counter()
         self.start_ns: int | None = None
         self.end_ns: int | None = None
-        self.warning: str | None = None
+        self._damage: dict[int, str] = {}
+        self._gaps: list[RecordSpan] = []
+        self._unknown_channels = False
         self._schemas: dict[int, str] = {}
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, McapChannel] = {}
         self._attachments: list[RecordSpan] = []
+        self._chunk_indexes: list[ChunkIndex] = []
         self._statistics: Statistics | None = None
         self._run: Block | None = None
-        try:
-            with path.open("rb") as file:
-                self._scan(file)
-        except OSError as error:
-            raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
-        if self.finished and self._statistics is not None and self._channels:
+        self._scan()
+        if self.finished and self._statistics is not None and self._channels and not self._damage:
             self._count_by_statistics(self._statistics)
         else:
             self._count_by_reading()
 
+    @property
+    def warning(self) -> str | None:
+        """What was found so far to be missing or damaged, in one line."""
+        damaged = self._damage_text()
+        if not self.finished:
+            also = f"; it is damaged before that, too: {damaged}" if damaged else ""
+            return f"{self.path.name} is cut off after {self.counts.total()} messages; used what is complete{also}"
+        if damaged:
+            return f"{self.path.name} is damaged {damaged}; used what is sound"
+        if self._unknown_channels:
+            return f"{self.path.name} has messages of channels it does not describe; left them out"
+        return None
+
     def records(self, block: Block) -> list[Record]:
-        """The messages of `block` in file order. A damaged block gives none, and sets `warning`."""
+        """The messages of `block` in file order; of a damaged block those that may be kept."""
         try:
-            contents = read_block(self.path, block)
+            content = read_block(self.path, block)
         except READ_ERRORS as error:
-            self._warn(f"{self.path.name} is damaged at byte {block.offset} ({error}); used what is complete")
+            self._damage[block.offset] = str(error)
             return []
-        self._register(contents)
-        messages = [record for record in contents if isinstance(record, Message)]
-        known = [self._record(message) for message in messages if message.channel_id in self._channels]
-        if len(known) < len(messages):
-            self._warn(f"{self.path.name} has messages of channels it does not describe; left them out")
-        return known
+        if content.damage and not block.cut:
+            self._damage[block.offset] = content.damage
+        if not content.damage:
+            try:
+                return self._messages(content.data, list(records_in(content.data)))
+            except READ_ERRORS as error:
+                self._damage[block.offset] = str(error)
+        return self._salvaged(content.data, block)
 
     def attachments(self) -> Iterator[Attachment]:
-        """The attachments in file order. A damaged one is skipped, and sets `warning`."""
+        """The attachments in file order. A damaged one is skipped, and told in `warning`."""
         for span in self._attachments:
             try:
                 yield self._read_attachment(span)
             except READ_ERRORS as error:
-                self._warn(f"{self.path.name} is damaged at byte {span.offset} ({error}); used what is complete")
+                self._damage[span.start] = str(error)
 
-    def _warn(self, text: str) -> None:
-        self.warning = self.warning or text
+    def _damage_text(self) -> str:
+        if not self._damage:
+            return ""
+        first = min(self._damage)
+        others = len(self._damage) - 1
+        return f"at byte {first} ({self._damage[first]})" + (f" and in {others} more places" if others else "")
 
     # Scanning the file
 
-    def _scan(self, file: BinaryIO) -> None:
-        magic = file.read(len(MAGIC))
-        if not magic:
-            raise RecordingError(f"{self.path} is empty")
-        if magic != MAGIC:
-            raise RecordingError(f"{self.path} is not an MCAP file")
-        for span in top_level_records(file):
-            try:
-                self._add_record(file, span)
-            except READ_ERRORS:
-                break
-            if self.finished:
-                break
-        self._end_run()
+    def _scan(self) -> None:
+        try:
+            with self.path.open("rb") as file:
+                magic = file.read(len(MAGIC))
+                if not magic:
+                    raise RecordingError(f"{self.path} is empty")
+                if magic != MAGIC:
+                    raise RecordingError(f"{self.path} is not an MCAP file")
+                with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+                    self._add_records(data)
+        except OSError as error:
+            raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from error
 
-    def _add_record(self, file: BinaryIO, span: RecordSpan) -> None:
-        if span.opcode == Opcode.MESSAGE:
-            _, _, log_time_ns, _ = _MESSAGE_HEADER.unpack(file.read(_MESSAGE_HEADER.size))
-            self._extend_run(span, log_time_ns)
-            return
+    def _add_records(self, data: mmap) -> None:
+        for span in scan(data):
+            if span.opcode == Opcode.MESSAGE:
+                _, _, log_time_ns, _ = MESSAGE_HEADER.unpack_from(data, span.offset)
+                self._extend_run(span, log_time_ns)
+                continue
+            self._end_run()
+            try:
+                self._add_record(data, span)
+            except READ_ERRORS as error:
+                self._damage[span.start] = str(error)
         self._end_run()
-        if span.opcode == Opcode.CHUNK:
-            start_ns, _, _ = _CHUNK_HEADER.unpack(file.read(_CHUNK_HEADER.size))
-            self.blocks.append(Block(span.offset, span.length, start_ns, is_chunk=True))
+        if self._gaps:
+            self._add_indexed_blocks(data)
+
+    def _add_record(self, data: Bytes, span: RecordSpan) -> None:
+        if span.opcode == DAMAGE:
+            self._gaps.append(span)
+            self._damage[span.offset] = f"{span.length} bytes that are no record"
+        elif span.opcode == Opcode.CHUNK:
+            self.blocks.append(chunk_block(data, span))
         elif span.opcode == Opcode.ATTACHMENT:
             self._attachments.append(span)
         elif span.opcode == Opcode.FOOTER:
-            self.finished = file.read(span.length + len(MAGIC))[span.length :] == MAGIC
-        elif span.opcode in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
-            self._read_small_record(span.opcode, ReadDataStream(BytesIO(file.read(span.length))))
+            self.finished = data[span.end : span.end + len(MAGIC)] == MAGIC
+            self._check_summary(data, span)
+        elif span.opcode in _SMALL:
+            self._add_small_record(span.opcode, ReadDataStream(BytesIO(data[span.offset : span.end])))
 
-    def _read_small_record(self, opcode: int, stream: ReadDataStream) -> None:
+    def _check_summary(self, data: Bytes, footer: RecordSpan) -> None:
+        """Note damage of the index and the statistics, which may leave them records as before."""
+        start, _, checksum = _FOOTER.unpack_from(data, footer.offset)
+        if checksum and start and zlib.crc32(data[start : footer.end - 4]) != checksum:
+            self._damage.setdefault(min(start, footer.start), "a wrong checksum of its index")
+
+    def _add_small_record(self, opcode: int, stream: ReadDataStream) -> None:
         if opcode == Opcode.HEADER:
             self.profile = Header.read(stream).profile
         elif opcode == Opcode.STATISTICS:
             self._statistics = Statistics.read(stream)
+        elif opcode == Opcode.CHUNK_INDEX:
+            self._chunk_indexes.append(ChunkIndex.read(stream))
         else:
-            self._register([Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)])
+            self._register(opcode, stream)
+
+    def _register(self, opcode: int, stream: ReadDataStream) -> None:
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self._schemas[schema.id] = schema.name
+        else:
+            channel = McapChannel.read(stream)
+            self._channels[channel.id] = channel
 
     def _extend_run(self, span: RecordSpan, log_time_ns: int) -> None:
-        start = span.offset - RECORD_HEADER.size
-        if self._run is not None and span.offset + span.length - self._run.offset > _MAX_RUN_BYTES:
+        run = self._run
+        if run is not None and (span.end - run.offset > _MAX_RUN_BYTES or span.start != run.offset + run.length):
             self._end_run()
-        if self._run is None:
-            self._run = Block(start, 0, log_time_ns, is_chunk=False)
-        length = span.offset + span.length - self._run.offset
-        self._run = Block(self._run.offset, length, min(self._run.start_ns, log_time_ns), is_chunk=False)
+            run = None
+        if run is None:
+            run = Block(span.start, 0, log_time_ns, log_time_ns)
+        bounds = min(run.start_ns, log_time_ns), max(run.end_ns, log_time_ns)
+        self._run = Block(run.offset, span.end - run.offset, *bounds)
 
     def _end_run(self) -> None:
         if self._run is not None:
             self.blocks.append(self._run)
             self._run = None
 
+    def _add_indexed_blocks(self, data: Bytes) -> None:
+        """Add the chunks whose beginning is damaged, by their index at the end of the file.
+
+        The messages that were found in a chunk, where it is not compressed, are then read as those of the chunk.
+        """
+        chunks = [block for block in self.blocks if block.compression is not None]
+        added = []
+        for index in self._chunk_indexes:
+            block = indexed_block(data, index)
+            if block is None or any(_overlap(block, chunk) for chunk in chunks):
+                continue
+            if any(gap.offset < block.offset and index.chunk_start_offset < gap.end for gap in self._gaps):
+                added.append(block)
+        runs = [b for b in self.blocks if b.compression is None and not any(_overlap(b, other) for other in added)]
+        self.blocks = sorted([*chunks, *added, *runs], key=lambda block: block.offset)
+
     # Reading blocks
 
-    def _register(self, contents: list[McapRecord]) -> None:
-        for record in contents:
-            if isinstance(record, Schema):
-                self._schemas[record.id] = record.name
-            elif isinstance(record, Channel):
-                self._channels[record.id] = record
+    def _messages(self, data: bytes, spans: list[RecordSpan]) -> list[Record]:
+        for span in spans:
+            if span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._register(span.opcode, ReadDataStream(BytesIO(data[span.offset : span.end])))
+        messages = [self._record(data, span) for span in spans if span.opcode == Opcode.MESSAGE]
+        known = [message for message in messages if message is not None]
+        self._unknown_channels |= len(known) < len(messages)
+        return known
 
-    def _record(self, message: Message) -> Record:
-        channel = self._channels[message.channel_id]
-        type_name = self._schemas.get(channel.schema_id, "")
-        return Record(channel.topic, type_name, channel.message_encoding, message.log_time, message.data)
+    def _salvaged(self, data: bytes, block: Block) -> list[Record]:
+        def is_plausible(content: bytes, span: RecordSpan) -> bool:
+            channel_id, _, log_time_ns, _ = MESSAGE_HEADER.unpack_from(content, span.offset)
+            return channel_id in self._channels and block.start_ns <= log_time_ns <= block.end_ns
+
+        records: list[Record] = []
+        for span in plausible_records_in(data, is_plausible):
+            try:
+                records += self._messages(data, [span])
+            except READ_ERRORS:  # a channel whose name is no text
+                continue
+        return records
+
+    def _record(self, data: bytes, span: RecordSpan) -> Record | None:
+        """The message at `span`, None if its channel is not described."""
+        channel_id, _, log_time_ns, _ = MESSAGE_HEADER.unpack_from(data, span.offset)
+        if channel_id not in self._channels:
+            return None
+        return Record(*self._channel(channel_id), log_time_ns, data[span.offset + MESSAGE_HEADER.size : span.end])
+
+    def _channel(self, channel_id: int) -> Channel:
+        channel = self._channels[channel_id]
+        return Channel(channel.topic, self._schemas.get(channel.schema_id, ""), channel.message_encoding)
 
     def _read_attachment(self, span: RecordSpan) -> Attachment:
         data = read_bytes(self.path, span.offset, span.length)
@@ -172,7 +262,7 @@ class McapIndex:
     def _count_by_statistics(self, statistics: Statistics) -> None:
         for channel_id, count in statistics.channel_message_counts.items():
             if channel_id in self._channels:
-                self.counts[self._channels[channel_id].topic] += count
+                self.counts[self._channel(channel_id)] += count
         if statistics.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
 
@@ -184,12 +274,12 @@ class McapIndex:
             if not records:
                 continue
             stamps_ns = [record.log_time_ns for record in records]
-            self.counts.update(record.topic for record in records)
+            self.counts.update(record.channel for record in records)
             self.start_ns = min(stamps_ns if self.start_ns is None else [self.start_ns, *stamps_ns])
             self.end_ns = max(stamps_ns if self.end_ns is None else [self.end_ns, *stamps_ns])
-            readable.append(Block(block.offset, block.length, min(stamps_ns), block.is_chunk))
+            readable.append(replace(block, start_ns=min(stamps_ns)))
         self.blocks = readable
-        if not self.finished:
-            also = "; it is damaged before that, too" if self.warning else ""
-            count = self.counts.total()
-            self.warning = f"{self.path.name} is cut off after {count} messages; used what is complete{also}"
+
+
+def _overlap(one: Block, other: Block) -> bool:
+    return one.offset < other.offset + other.length and other.offset < one.offset + one.length

@@ -10,6 +10,7 @@ from pathlib import Path
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.mcap.index import McapIndex
+from wayfi.recordings.ros.topics import Channel
 
 BLACKBOX_PROFILE = "wayfi-blackbox"
 _BLACKBOX_PATTERN = "blackbox_*.mcap"
@@ -49,8 +50,14 @@ class Recording:
         """The number of messages of each topic, according to the files' statistics."""
         total: Counter[str] = Counter()
         for part in self._parts:
-            total.update(part.counts)
+            for channel, count in part.counts.items():
+                total[channel.topic] += count
         return total
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The channels that have messages, sorted."""
+        return tuple(sorted({channel for part in self._parts for channel, count in part.counts.items() if count}))
 
     @property
     def message_count(self) -> int:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor_of_type
@@ -11,6 +12,14 @@ from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, canonical_type, sensor
 # stay so that black boxes written before can be replayed.
 CONTROL_TOPIC = "/wayfi/marks"
 CONTROL_TYPE = "wayfi/Mark"
+
+
+class Channel(NamedTuple):
+    """A channel of a recording: its topic, the type of its messages, and their encoding."""
+
+    topic: str
+    type_name: str
+    encoding: str
 
 
 class Encoding(StrEnum):
@@ -38,6 +47,16 @@ def _unused(why: str) -> Route:
     return Route(None, None, why)
 
 
+def is_read(encoding: str) -> bool:
+    """Whether messages of this encoding can be decoded."""
+    return encoding in tuple(Encoding)
+
+
+def _unknown_encoding(encoding: str, sensor: Sensor) -> str:
+    takes = f"{sensor} takes cdr or json, and recordings ros1 as well"
+    return f"unknown encoding {encoding or '(none)'}; {takes}: convert its messages to one of these"
+
+
 def route(topic: str, type_name: str, encoding: str, topics: Mapping[Sensor, str]) -> Route:
     """The route of a channel (`topic`, `type_name`, `encoding`), given the `topics` configured for the sensors."""
     if topic == CONTROL_TOPIC:
@@ -49,8 +68,8 @@ def route(topic: str, type_name: str, encoding: str, topics: Mapping[Sensor, str
             return _unused(f"no sensor is configured for this topic (type {type_name or 'unknown'})")
         expected = topics.get(by_type)
         return _unused(f"a {by_type} type, but {by_type} is read from {expected or 'no topic'}")
-    if encoding not in tuple(Encoding):
-        return _unused(f"unknown encoding {encoding or '(none)'}; {sensor} takes cdr or json")
+    if not is_read(encoding):
+        return _unused(_unknown_encoding(encoding, sensor))
     if encoding == Encoding.CDR and canonical_type(type_name) != TYPE_OF_SENSOR[sensor]:
         return _unused(f"unknown type {type_name or '(none)'}; {sensor} takes {TYPE_OF_SENSOR[sensor]}")
     return Route(sensor, Encoding(encoding), f"feeds {sensor}")

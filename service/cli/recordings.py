@@ -127,6 +127,8 @@ def publish(
         with output.progress(f"publish {recording}") as progress:
             summary = publish_recording(recording, configuration(config, settings), playback_rate(rate), progress)
         output.say(f"{sum(summary.messages.values())} messages in {summary.seconds:.1f} s")
+        for warning in summary.warnings:
+            output.say(f"warning: {warning}")
         output.result(asdict(summary))
 
 

@@ -12,8 +12,9 @@ import zenoh
 from wayfi.backend.errors import WayfiError
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import Recording, open_recording
-from wayfi.recordings.ros.topics import Encoding, route
+from wayfi.recordings.ros.topics import Channel, Encoding, route
 from wayfi.service.config import Config, ZenohConfig
+from wayfi.service.replay.found_topics import with_found_topics
 from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.transport.publishers import ALIVE
 from wayfi.service.transport.subscribers import SYNC
@@ -29,8 +30,6 @@ WAIT_S = 10.0
 SYNC_S = 60.0
 POLL_S = 0.05
 ENCODING = {Encoding.CDR: zenoh.Encoding.APPLICATION_CDR, Encoding.JSON: zenoh.Encoding.APPLICATION_JSON}
-
-Channel = tuple[str, str, str]
 
 
 class PublishError(WayfiError):
@@ -56,18 +55,21 @@ def publish_recording(
     ZenohError or PublishError.
     """
     recording = open_recording(path)
+    config, sought = with_found_topics(config, recording)
     deadline_s = time.monotonic() + WAIT_S
     with ExitStack() as opened:
         session = opened.enter_context(_connect(config.zenoh, deadline_s))
         outlet = _Outlet(session, config, opened)
         outlet.wait_for_listener(deadline_s)
         start_s = time.monotonic()
-        _put_all(recording, outlet, PlaybackRate(rate), progress)
+        playback = PlaybackRate(rate)
+        _put_all(recording, outlet, playback, progress)
         outlet.wait_until_received()
         seconds = time.monotonic() - start_s
     if not outlet.messages:
         raise PublishError(f"{path}: nothing that feeds a sensor; see `wayfi inspect`")
-    return PublishSummary(dict(outlet.messages), seconds, outlet.unused, recording.warnings)
+    warnings = recording.warnings + sought + playback.warnings
+    return PublishSummary(dict(outlet.messages), seconds, outlet.unused, warnings)
 
 
 def _connect(config: ZenohConfig, deadline_s: float) -> zenoh.Session:
@@ -116,7 +118,7 @@ class _Outlet:
 
     def put(self, record: Record) -> None:
         """Put one record, unless its topic feeds no sensor."""
-        channel = (record.topic, record.type_name, record.encoding)
+        channel = record.channel
         if channel not in self._publishers:
             self._publishers[channel] = self._declare(channel)
         publisher = self._publishers[channel]

@@ -21,6 +21,7 @@ from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.collection import loaded_objects_left_alone
 from wayfi.service.process.stop_signal import StopSignal
+from wayfi.service.replay.found_topics import with_found_topics
 from wayfi.service.replay.playback_rate import PlaybackRate
 from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer, Replayer
 
@@ -68,6 +69,7 @@ def replay(
     """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it."""
     start = time.perf_counter()
     recording = open_recording(recording_path)
+    config, sought = with_found_topics(config, recording)
     _make_folder(options.out)
     sha256 = recording.sha256()
     log = _open_log(config, options, sha256[:16])
@@ -76,16 +78,18 @@ def replay(
         with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
             warm_up()  # else the first tenth of the drive would pay for what is loaded once
             with loaded_objects_left_alone():
-                _play_all(recording, replayer, options.rate, progress, stop)
+                playback = PlaybackRate(options.rate, lambda: stop.requested)
+                _play_all(recording, replayer, playback, progress, stop)
         drive = replayer.drive
         result = drive.finish()
     except BaseException:
         log.close()  # it still holds what led here
         raise
     if len(result.stamps_ns) == 0:
-        raise ReplayError(_nothing_usable(recording_path, drive, replayer.unused))
-    warnings = recording.warnings + [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
-    source = Source(time.perf_counter() - start, recording.duration_s, sha256, warnings)
+        raise ReplayError(_nothing_usable(recording_path, drive, sought, replayer.unused))
+    warnings = recording.warnings + sought + playback.warnings
+    warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
+    source = Source(time.perf_counter() - start, recording.duration_s - playback.skipped_s, sha256, warnings)
     return write_results(options.out, drive, result, source)
 
 
@@ -96,14 +100,13 @@ def _replayer(recording: Recording, config: Config, calibration: Calibration | N
 
 
 def _play_all(
-    recording: Recording, replayer: Replayer, rate: float | None, progress: Progress, stop: StopSignal
+    recording: Recording, replayer: Replayer, playback: PlaybackRate, progress: Progress, stop: StopSignal
 ) -> None:
     total = max(recording.message_count, 1)
-    playback = PlaybackRate(rate)
     for number, record in enumerate(recording):
+        playback.wait_for(record.log_time_ns)
         if stop.requested:
             raise KeyboardInterrupt
-        playback.wait_for(record.log_time_ns)
         replayer.play(record)
         if number % 100 == 0:
             progress(number / total)
@@ -123,8 +126,9 @@ def _make_folder(out: Path) -> None:
         raise ReplayError(f"{out}: cannot be made: {error.strerror}") from None
 
 
-def _nothing_usable(path: Path, drive: Drive, unused: dict[str, str]) -> str:
+def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[str, str]) -> str:
     dropped = Counter({f"{t} {r}": n for t, reasons in drive.counters.dropped.items() for r, n in reasons.items()})
-    why = [f"{topic} ({reason})" for topic, reason in unused.items()] + [f"{n} x {what}" for what, n in dropped.items()]
+    why = sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
+    why += [f"{n} x {what}" for what, n in dropped.items()]
     wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
     return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

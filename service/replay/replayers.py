@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from wayfi.recordings.mcap.blocks import Record
-from wayfi.recordings.ros.topics import CONTROL_TOPIC, Route, route
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, Channel, Route, route
 from wayfi.service.drive.control_records import ControlRecordError, parse_control_record
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.live_drive import LiveDrive
@@ -29,12 +29,12 @@ class _Routes:
 
     def __init__(self, drive: Drive) -> None:
         self._topics = drive.topics
-        self._known: dict[tuple[str, str, str], Route] = {}
+        self._known: dict[Channel, Route] = {}
         self.unused: dict[str, str] = {}
 
     def of(self, record: Record) -> Route:
         """The route of a record."""
-        channel = (record.topic, record.type_name, record.encoding)
+        channel = record.channel
         if channel not in self._known:
             self._known[channel] = found = route(*channel, self._topics)
             if not found.used:

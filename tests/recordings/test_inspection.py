@@ -14,7 +14,7 @@ from wayfi.recordings.inspection import Inspection, TopicInspection, inspect_rec
 from wayfi.recordings.mcap.blocks import RecordingError
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
-from wayfi.recordings.ros.messages import LASER_SCAN, ODOMETRY, WIFI_SCAN
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS, LASER_SCAN, ODOMETRY, WIFI_SCAN
 from wayfi.recordings.ros.topics import Encoding
 
 
@@ -63,14 +63,20 @@ def test_wifi_counts_receivers_and_bssids_and_receivers_may_share_stamps(tmp_pat
 
 
 def test_unused_topics_say_why(tmp_path: Path) -> None:
-    inspection = inspect_recording(write(tmp_path / "a.mcap"))
+    inspection = inspect_recording(write(tmp_path / "a.mcap"), {**DEFAULT_TOPICS, Sensor.SCAN: "/front_scan"})
     why = {found.topic: found.why for found in inspection.topics if not found.used}
-    assert "read from /scan" in why["/base_scan"]
+    assert "read from /front_scan" in why["/base_scan"]
     assert "no sensor is configured" in why["/chatter"]
     assert "unknown type tf/tfMessage" in why["/tf_static"]
     assert "unknown encoding protobuf" in why["/points"]
     assert "a replay does what the daemon did" in why["/wayfi/marks"]
     assert inspection.usable
+
+
+def test_a_topic_found_by_its_type_is_used_and_told(tmp_path: Path) -> None:
+    inspection = inspect_recording(write(tmp_path / "a.mcap"))
+    assert topic(inspection, "/base_scan").used
+    assert any(line.startswith("/base_scan is read for scan") for line in inspection.warnings)
 
 
 def test_configured_topics_are_used(tmp_path: Path) -> None:
@@ -96,7 +102,7 @@ def test_the_dictionary_is_strict_json(tmp_path: Path) -> None:
 def test_a_cut_file_is_inspected_with_its_warning(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap")
     path.write_bytes(path.read_bytes()[:-10])
-    assert inspect_recording(path).warnings == ("a.mcap is cut off after 17 messages; used what is complete",)
+    assert "a.mcap is cut off after 17 messages; used what is complete" in inspect_recording(path).warnings
 
 
 def test_nothing_to_inspect_is_an_error(tmp_path: Path) -> None:

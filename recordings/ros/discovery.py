@@ -1,0 +1,70 @@
+"""Which topics of a recording are read for a sensor whose own topic is not there: the only one of its type."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from wayfi.frontends.measurements import Sensor
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TF_MESSAGE, TYPE_OF_SENSOR, canonical_type
+from wayfi.recordings.ros.topics import Channel, is_read, route
+
+
+@dataclass(frozen=True, slots=True)
+class FoundTopics:
+    """The topics to read in place of the configured ones, by sensor, and a line for each that was found or sought."""
+
+    topics: dict[Sensor, str]
+    warnings: tuple[str, ...]
+
+
+def find_topics(channels: Iterable[Channel], configured: Mapping[Sensor, str]) -> FoundTopics:
+    """Seek the sensors whose topics, as `configured`, none of `channels` can be read for.
+
+    A sensor is read from the only channel of its type. Where there are several, or the topic is not the default one and
+    so was asked for, nothing is chosen, and the line names the settings to choose from. Point clouds are sought only in
+    recordings without any laser scan: most depth cameras send them too.
+    """
+    known = tuple(channels)
+    found: dict[Sensor, str] = {}
+    warnings = []
+    for sensor, topic in configured.items():
+        if any(route(*channel, configured).sensor is sensor for channel in known) or not topic:
+            continue
+        fitting = sorted({channel.topic for channel in known if _fits(channel, sensor)} - set(configured.values()))
+        if sensor is Sensor.POINTS and any(_is_of(channel, Sensor.SCAN) for channel in known):
+            continue
+        if len(fitting) == 1 and topic == DEFAULT_TOPICS[sensor]:
+            found[sensor] = fitting[0]
+            warnings.append(f"{fitting[0]} is read for {sensor} (recording.{sensor}); nothing can be read on {topic}")
+        elif fitting:
+            warnings.append(_choice(sensor, topic, fitting))
+        elif topic != DEFAULT_TOPICS[sensor]:
+            warnings.append(f"nothing can be read on {topic} (recording.{sensor}), and no other topic fits")
+    return FoundTopics(found, (*warnings, *_not_read(known, configured)))
+
+
+def _choice(sensor: Sensor, topic: str, fitting: list[str]) -> str:
+    settings = " or ".join(f"--set recording.{sensor}={each}" for each in fitting)
+    return f"nothing can be read on {topic} (recording.{sensor}); give {settings}"
+
+
+def _is_of(channel: Channel, sensor: Sensor) -> bool:
+    """Whether the type of a channel is that of `sensor`; tf2's topics, all of one type, are told apart by name."""
+    wanted = TYPE_OF_SENSOR[sensor]
+    if canonical_type(channel.type_name) != wanted:
+        return False
+    return wanted != TF_MESSAGE or channel.topic.rpartition("/")[2] == sensor.value
+
+
+def _fits(channel: Channel, sensor: Sensor) -> bool:
+    return _is_of(channel, sensor) and is_read(channel.encoding)
+
+
+def _not_read(channels: tuple[Channel, ...], configured: Mapping[Sensor, str]) -> list[str]:
+    """A line for each channel of a sensor's type, on a topic that is not configured, whose encoding is unknown."""
+    others = [c for c in channels if c.topic not in configured.values() and not is_read(c.encoding)]
+    return [
+        f"{channel.topic}: not used: {route(*channel, {sensor: channel.topic}).why}"
+        for channel in others
+        for sensor in configured
+        if _is_of(channel, sensor)
+    ]

@@ -1,0 +1,50 @@
+"""Messages are held back to the time between them; what no robot pauses for is not waited for, and is told."""
+
+import time
+
+import pytest
+
+from wayfi.frontends.measurements import SECOND_NS
+from wayfi.service.replay.playback_rate import PlaybackRate
+
+EPOCH_NS = 1_700_000_000 * SECOND_NS
+
+
+def played_s(playback: PlaybackRate, *log_times_s: float) -> float:
+    begun = time.monotonic()
+    for log_time_s in log_times_s:
+        playback.wait_for(round(log_time_s * SECOND_NS))
+    return time.monotonic() - begun
+
+
+def test_messages_are_held_back_to_a_multiple_of_real_time() -> None:
+    playback = PlaybackRate(10.0)
+    assert 0.3 <= played_s(playback, 5.0, 6.0, 8.0) < 0.6
+    assert playback.warnings == []
+    assert PlaybackRate(None).skipped_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("log_times_s", "told"),
+    [
+        ((0.0, 1.7e9, 1.7e9 + 1.0), "a gap of 53.9 years behind log time 0.0 s;"),
+        ((1.7e9, 1.7e9 + 1.0, 1.7e9 + 901.0), "a gap of 900 s behind log time 1700000001.0 s;"),
+        ((0.0, 100.0, 101.0, 1e4), "a gap of 100 s behind log time 0.0 s, and 1 more"),
+    ],
+)
+def test_a_gap_is_told_and_not_waited_for(log_times_s: tuple[float, ...], told: str) -> None:
+    playback = PlaybackRate(10.0)
+    assert 0.1 <= played_s(playback, *log_times_s) < 0.4
+    (line,) = playback.warnings
+    assert told in line
+    assert log_times_s[-1] - log_times_s[0] - playback.skipped_s == pytest.approx(1.0)
+
+
+def test_a_leap_back_is_no_reason_to_hurry() -> None:
+    assert played_s(PlaybackRate(10.0), 5000.0, 10.0, 12.0) >= 0.2
+
+
+def test_a_wait_ends_when_it_is_stopped() -> None:
+    begun = time.monotonic()
+    stopped_after_s = 0.2
+    assert played_s(PlaybackRate(0.1, lambda: time.monotonic() - begun > stopped_after_s), 0.0, 50.0) < 0.5
