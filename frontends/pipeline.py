@@ -88,21 +88,22 @@ class Pipeline:
 
     def history(self) -> list[Event]:
         """The events with which a new log begins: every keyframe at its present pose, and the grid."""
-        return self._slam.history(self._stamp_ns)
+        return self._slam.history(self.stamp_ns)
 
     def resume(self, seconds: float) -> list[Event]:
         """Go on after `seconds` without measurements; a new estimate is due."""
         self._estimated = (-1, 0)
         self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
-        return [Warned(self._stamp_ns, text)]
+        return [Warned(self.stamp_ns, text)]
 
     @property
     def _path(self) -> DrivenPath:
         return self._odometry.path
 
     @property
-    def _stamp_ns(self) -> int:
+    def stamp_ns(self) -> int:
+        """The stamp of the newest point of the driven path, 0 before the first."""
         return self._path.latest.stamp_ns if self._path.latest else 0
 
     def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
@@ -244,7 +245,7 @@ class Pipeline:
             if not isinstance(scan, PlacedWifiScan):
                 yield scan
             elif self._slam.has_keyframes:
-                yield from self._slam.add_wifi(self._stamp_ns, scan)
+                yield from self._slam.add_wifi(self.stamp_ns, scan)
 
     def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:
         """The stamp on the time base as the generator's return value; None if the message is dropped."""

@@ -26,12 +26,28 @@ _MALFORMED = (
 )
 
 
+_BEFORE_JSON = b" \t\r\n\xef\xbb\xbf\xff\xfe"  # blanks, and the byte order marks of UTF-8 and UTF-16
+_MOST_BEFORE = 64  # bytes of them
+_CDR_HEADERS = (b"\x00\x00", b"\x00\x01")
+
+
+def encoding_of(data: bytes, said: str) -> str:
+    """The encoding of a message of which an encoding is `said`.
+
+    JSON begins with `{`, as CDR never does; and CDR has a header, as JSON never has.
+    """
+    if data[:_MOST_BEFORE].lstrip(_BEFORE_JSON).startswith(b"{"):
+        return Encoding.JSON
+    return Encoding.CDR if said == Encoding.JSON and data.startswith(_CDR_HEADERS) else said
+
+
 def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
-    """The measurement of `sensor` in the message `data`; CDR in either byte order.
+    """The measurement of `sensor` in the message `data`; CDR in either byte order. See `encoding_of`.
 
     A zero quaternion gives a heading of NaN. Non-finite poses and ranges are not an error here. Raises CodecError, and
     nothing else, for malformed data.
     """
+    encoding = Encoding(encoding_of(data, encoding))
     try:
         if encoding is Encoding.JSON:
             return to_measurement(message_of_json(data, TYPE_OF_SENSOR[sensor]), sensor)

@@ -1,7 +1,8 @@
-"""ROS messages as JSON with the same field names.
+"""ROS messages as JSON with the same field names; a time may have those of ROS 1, `secs` and `nsecs`.
 
-Missing fields are zero, except required ones. JSON has no NaN and no infinity: both are written as `null`, which is
-read as NaN. Bytes (`uint8[]`) are base64, as in rosbridge, or a list of numbers.
+Missing fields are zero, except required ones. JSON has no NaN and no infinity: both are written as `null`. It is read
+as infinity in `ranges` and `range_max`, as NaN in the other numbers that are required, and as missing elsewhere.
+Numbers may be strings. Bytes (`uint8[]`) are base64, as in rosbridge, or a list of numbers.
 """
 
 import base64
@@ -34,6 +35,8 @@ REQUIRED: dict[str, frozenset[str]] = {
         | {f"transforms.transform.{name}" for name in ("translation.x", "translation.y", "rotation.z", "rotation.w")}
     ),
 }
+INFINITE_WHERE_NULL = frozenset({"range_max", "ranges"})  # JavaScript writes infinity as null
+ROS1_NAMES = {"sec": "secs", "nanosec": "nsecs"}  # of a time; rosbridge keeps them
 MAX_ENTRIES = {
     "ranges": MAX_BEAMS,
     "intensities": MAX_BEAMS,
@@ -46,13 +49,15 @@ _FLOAT_LIMITS = {"float32": float(np.finfo(np.float32).max), "float64": float(np
 
 
 def message_of_json(data: bytes, type_name: str) -> Message:
-    """The message of `type_name` in JSON `data`.
+    """The message of `type_name` in JSON `data`, in UTF-8 or UTF-16, with a byte order mark or without one.
 
-    Raises CodecError for missing fields, wrong types, numbers out of range and too many entries; ValueError or
-    RecursionError if `data` is not JSON.
+    Bytes that are no text are replaced, and control characters stay: an SSID may hold both. Raises CodecError for
+    missing fields, wrong types, numbers out of range and too many entries; ValueError or RecursionError if `data` is
+    not JSON.
     """
     check_count("commas", data.count(b","), MAX_COMMAS)
-    return _message(json.loads(data), type_name, "", REQUIRED[type_name])
+    text = data.decode(json.detect_encoding(data), "replace")
+    return _message(json.loads(text, strict=False), type_name, "", REQUIRED[type_name])
 
 
 def json_of_message(message: Message, type_name: str) -> bytes:
@@ -66,8 +71,9 @@ def _message(value: object, type_name: str, path: str, required: frozenset[str])
     values: list[Any] = []
     for name, description in TYPESTORE.fielddefs[type_name][1]:
         field_path = f"{path}.{name}" if path else name
-        if name in value:
-            values.append(_field(value[name], description, field_path, required))
+        key = name if name in value else ROS1_NAMES.get(name, name)
+        if key in value:
+            values.append(_field(value[key], description, field_path, required))
         elif field_path in required:
             raise CodecError(f"{field_path} is missing")
         else:
@@ -89,10 +95,12 @@ def _default(description: Description, path: str, required: frozenset[str]) -> o
 
 def _field(value: object, description: Description, path: str, required: frozenset[str]) -> object:
     node, detail = description
+    if node == Nodetype.BASE:
+        return _base(value, detail[0], path, required)
+    if value is None:
+        return _default(description, path, required)
     if node == Nodetype.NAME:
         return _message(value, detail, path, required)
-    if node == Nodetype.BASE:
-        return _base(value, detail[0], path)
     element, length = detail
     fixed = length if node == Nodetype.ARRAY else None
     return _array(value, element, fixed, path, required)
@@ -109,12 +117,14 @@ def _array(value: object, element: Description, fixed: int | None, path: str, re
     if element[0] == Nodetype.NAME:
         return [_message(item, element[1], path, required) for item in value]
     base = element[1][0]
-    return np.array([_base(item, base, path) for item in value], dtype=_dtype(base))
+    return np.array([_base(item, base, path, required) for item in value], dtype=_dtype(base))
 
 
-def _base(value: object, base: str, path: str) -> object:
+def _base(value: object, base: str, path: str, required: frozenset[str]) -> object:
     if base in _FLOAT_LIMITS:
-        return _float(value, base, path)
+        return _null(path, required) if value is None else _float(value, base, path)
+    if value is None and (base == "string" or path not in required):
+        return _default((Nodetype.BASE, (base, 0)), path, required)
     if base == "string":
         if not isinstance(value, str):
             raise CodecError(f"{path} is {_kind(value)}, not a string")
@@ -126,9 +136,14 @@ def _base(value: object, base: str, path: str) -> object:
     return _integer(value, base, path)
 
 
+def _null(path: str, required: frozenset[str]) -> float:
+    if path in INFINITE_WHERE_NULL:
+        return math.inf
+    return math.nan if path in required else 0.0
+
+
 def _float(value: object, base: str, path: str) -> float:
-    if value is None:
-        return math.nan
+    value = _number(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise CodecError(f"{path} is {_kind(value)}, not a number")
     if math.isfinite(value) and abs(value) > _FLOAT_LIMITS[base]:
@@ -137,12 +152,25 @@ def _float(value: object, base: str, path: str) -> float:
 
 
 def _integer(value: object, base: str, path: str) -> int:
+    value = _number(value)
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     if isinstance(value, bool) or not isinstance(value, int):
         raise CodecError(f"{path} is {_kind(value)}, not a whole number")
     limits = np.iinfo(_dtype(base))
     if not limits.min <= value <= limits.max:
         raise CodecError(f"{path} is out of the range of {base}")
     return value
+
+
+def _number(value: object) -> object:
+    """The number in a text that holds one in JSON's or Python's spelling; any other value as it is."""
+    if not isinstance(value, str) or "_" in value:
+        return value
+    try:
+        return int(value) if value.strip().lstrip("+-").isdecimal() else float(value)
+    except ValueError:
+        return value
 
 
 def _dtype(base: str) -> Any:  # noqa: ANN401 - a numpy scalar class

@@ -73,9 +73,8 @@ class Counters:
         self.dropped.setdefault(topic, Counter()).update(reasons)
         self.drops += sum(reasons.values())
 
-    def drop(self, topic: str, reason: str) -> int:
-        """Count a message that was not used; returns the count of this topic and reason."""
+    def drop(self, topic: str, reason: str) -> None:
+        """Count a message that was not used."""
         counts = self.dropped.setdefault(topic, Counter())
         counts[str(reason)] += 1
         self.drops += 1
-        return counts[str(reason)]

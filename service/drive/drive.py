@@ -3,7 +3,7 @@
 from typing import Any
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import DropReason, Event, GraphUpdated, PosePublished, Verdict
+from wayfi.frontends.events import Dropped, DropReason, Event, GraphUpdated, PosePublished, Verdict, Warned
 from wayfi.frontends.measurements import Measurement, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
@@ -34,24 +34,25 @@ class Drive:
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> list[Event]:
         """Decode and process one message; returns the events, for `show`."""
         measurement = self.decode(sensor, encoding, data)
-        return [] if measurement is None else self.process(measurement)
+        return measurement if isinstance(measurement, list) else self.process(measurement)
 
     def add(self, sensor: Sensor, measurement: Measurement) -> list[Event]:
         """Count and process one measurement that came decoded; returns what became known by it, still to be shown."""
         self.counters.messages[self.topics[sensor]] += 1
         return self.process(measurement)
 
-    def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | None:
-        """Count one message and decode it; None, and counted as dropped, where that is impossible."""
+    def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | list[Event]:
+        """Count one message and decode it; the events of its drop where that is impossible, for `show`."""
         topic = self.topics[sensor]
         self.counters.messages[topic] += 1
         try:
             with self.timer("decode"):
                 return decode(data, sensor, encoding)
         except CodecError as error:
-            if self.counters.drop(topic, DropReason.UNDECODABLE) == 1:
-                self.counters.warn(f"{topic}: {error}")
-            return None
+            stamp_ns = self.pipeline.stamp_ns
+            first = DropReason.UNDECODABLE not in self.counters.dropped.get(topic, ())
+            told: list[Event] = [Warned(stamp_ns, f"{topic}: cannot be decoded: {error}")] if first else []
+            return [Dropped(sensor, stamp_ns, DropReason.UNDECODABLE), *told]
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
         """Process a measurement, for which `published` has been published already; returns the events."""

@@ -34,8 +34,8 @@ class LiveDrive:
     def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> tuple[list[Event], PosePublished | None]:
         """Process a message; returns the events, and the pose that was published for it beforehand, if one was."""
         measurement = self.drive.decode(sensor, encoding, data)
-        if measurement is None:
-            return [], None
+        if isinstance(measurement, list):
+            return measurement, None
         published = self._live.add(measurement) if isinstance(measurement, Odometry) else None
         try:
             return self.drive.process(measurement, published), published

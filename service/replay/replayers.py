@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.ros.codec import encoding_of
 from wayfi.recordings.ros.topics import CONTROL_TOPIC, Channel, Route, route
 from wayfi.service.drive.control_records import ControlRecordError, parse_control_record
 from wayfi.service.drive.drive import Drive
@@ -34,7 +35,7 @@ class _Routes:
 
     def of(self, record: Record) -> Route:
         """The route of a record."""
-        channel = record.channel
+        channel = (record.topic, record.type_name, encoding_of(record.data, record.encoding))
         if channel not in self._known:
             self._known[channel] = found = route(*channel, self._topics)
             if not found.used:

@@ -100,12 +100,12 @@ def ros_message(measurement: Measurement) -> Any:  # noqa: ANN401 - a class the 
     return TYPESTORE.deserialize_cdr(encode(measurement), TYPE_OF_SENSOR[sensor_of(measurement)])
 
 
-def assert_same(a: object, b: object, *, infinity_is_nan: bool = False) -> None:
+def assert_same(a: object, b: object, *, nan_is_infinity: bool = False) -> None:
     assert type(a) is type(b)
     for name in a.__slots__:  # type: ignore[attr-defined]
         left, right = getattr(a, name), getattr(b, name)
         if isinstance(left, np.ndarray):
-            expected = np.where(np.isfinite(left), left, np.nan) if infinity_is_nan else left
+            expected = np.where(np.isfinite(left), left, np.inf) if nan_is_infinity else left
             assert right.dtype == left.dtype
             np.testing.assert_array_equal(right, expected)
         elif isinstance(left, Pose2):

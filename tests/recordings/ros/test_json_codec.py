@@ -1,6 +1,7 @@
-"""JSON messages: what is required, what is refused, and how non-finite numbers are read."""
+"""JSON messages: what is required, what is refused, and how numbers, nulls and bytes that are no text are read."""
 
 import json
+import math
 from typing import Any
 
 import pytest
@@ -8,7 +9,9 @@ from hypothesis import given, settings
 from messages import MEASUREMENTS, assert_same, sensor_of
 
 from wayfi.frontends.measurements import (
+    LaserScan,
     Measurement,
+    Odometry,
     PointCloud,
     Sensor,
     WifiScan,
@@ -22,11 +25,11 @@ RELAXED = settings(deadline=None, max_examples=60)
 
 @RELAXED
 @given(MEASUREMENTS)
-def test_json_round_trip_with_every_non_finite_number_read_as_nan(measurement: Measurement) -> None:
+def test_json_round_trip_with_every_range_that_is_not_finite_read_as_infinity(measurement: Measurement) -> None:
     data = encode(measurement, Encoding.JSON)
     json.loads(data, parse_constant=pytest.fail)
     numbers_as_text = not isinstance(measurement, PointCloud)
-    assert_same(measurement, decode(data, sensor_of(measurement), Encoding.JSON), infinity_is_nan=numbers_as_text)
+    assert_same(measurement, decode(data, sensor_of(measurement), Encoding.JSON), nan_is_infinity=numbers_as_text)
 
 
 @pytest.mark.parametrize("sensor", list(Sensor))
@@ -57,7 +60,10 @@ def test_json_of_a_phone_needs_only_what_matters() -> None:
     ("path", "value"),
     [
         (["header", "stamp", "sec"], 1.5),
-        (["header", "stamp", "sec"], "1"),
+        (["header", "stamp", "sec"], "1.5"),
+        (["header", "stamp", "sec"], "soon"),
+        (["header", "stamp", "sec"], None),
+        (["header", "stamp", "sec"], "1_000"),
         (["header", "stamp", "sec"], 2**31),
         (["header", "stamp", "sec"], -1),
         (["header", "stamp", "nanosec"], 10**9),
@@ -65,8 +71,8 @@ def test_json_of_a_phone_needs_only_what_matters() -> None:
         (["header", "frame_id"], 3),
         (["readings"], {}),
         (["readings", 0], []),
-        (["readings", 0, "bssid"], None),
-        (["readings", 0, "rssi"], "-60"),
+        (["readings", 0, "rssi"], "-60 dBm"),
+        (["readings", 0, "rssi"], "-6_0"),
         (["readings", 0, "rssi"], True),
         (["readings", 0, "rssi"], 1e39),
         (["readings", 0, "rssi"], 10**400),
@@ -100,3 +106,80 @@ def test_lone_surrogates_of_json_do_not_reach_the_measurement() -> None:
     scan = decode(data, Sensor.WIFI, Encoding.JSON)
     assert isinstance(scan, WifiScan)
     scan.receiver.encode()
+
+
+SCAN_JSON: dict[str, Any] = {
+    "header": {"stamp": {"secs": 12, "nsecs": 5}, "frame_id": None},
+    "angle_min": "-1.5",
+    "angle_max": None,
+    "angle_increment": 0.5,
+    "time_increment": None,
+    "range_min": None,
+    "range_max": None,
+    "ranges": [1.0, None, "2.5", "inf"],
+    "intensities": None,
+}
+
+
+def test_nulls_of_a_scan_are_infinite_ranges_and_unused_fields() -> None:
+    scan = decode(json.dumps(SCAN_JSON).encode(), Sensor.SCAN, Encoding.JSON)
+    assert isinstance(scan, LaserScan)
+    assert scan.ranges.tolist() == [1.0, math.inf, 2.5, math.inf]
+    assert (scan.stamp_ns, scan.frame_id, scan.angle_min) == (12_000_000_005, "", -1.5)
+    assert (scan.range_min_m, scan.range_max_m, scan.time_increment_s) == (0.0, math.inf, 0.0)
+
+
+def test_null_is_nan_in_a_pose_and_zero_in_its_covariance() -> None:
+    position = {"x": 1.5, "y": None, "z": None}
+    pose = {"position": position, "orientation": {"x": None, "y": None, "z": 0, "w": 1}}
+    message = {"header": {"stamp": {"sec": 3, "nanosec": None}}, "child_frame_id": None, "twist": None}
+    message["pose"] = {"pose": pose, "covariance": [None] * 36}
+    odometry = decode(json.dumps(message).encode(), Sensor.ODOM, Encoding.JSON)
+    assert isinstance(odometry, Odometry)
+    assert (odometry.stamp_ns, odometry.pose.x, odometry.pose.theta) == (3_000_000_000, 1.5, 0.0)
+    assert math.isnan(odometry.pose.y)
+    assert odometry.covariance is None
+    message["pose"] = {"pose": pose, "covariance": None}
+    assert_same(odometry, decode(json.dumps(message).encode(), Sensor.ODOM, Encoding.JSON))
+
+
+def test_nulls_of_a_reading_cost_no_other_one() -> None:
+    sound = WIFI_JSON["readings"][0]
+    hidden = {"bssid": "00:11:22:33:44:55", "rssi": "-61.5", "ssid": None, "frequency": "2412", "age": None}
+    readings = [sound, hidden, {"bssid": None, "rssi": None}]
+    scan = decode(json.dumps(WIFI_JSON | {"readings": readings}).encode(), Sensor.WIFI, Encoding.JSON)
+    assert isinstance(scan, WifiScan)
+    assert scan.bssids == ("aa:bb:cc:dd:ee:ff", "00:11:22:33:44:55", "")
+    assert scan.rssi[:2].tolist() == [-60.0, -61.5]
+    assert math.isnan(scan.rssi[2])
+    assert (scan.ssids, scan.frequency_mhz, scan.age_s.tolist()) == (("", "", ""), (0, 2412, 0), [0.0, 0.0, 0.0])
+
+
+def test_a_list_that_is_null_is_empty() -> None:
+    scan = decode(json.dumps(WIFI_JSON | {"readings": None}).encode(), Sensor.WIFI, Encoding.JSON)
+    assert isinstance(scan, WifiScan)
+    assert scan.bssids == ()
+
+
+@pytest.mark.parametrize("ssid", [b"caf\xe9", b"\xff\xfe\x80", b"tab\tbell\x07"])
+def test_an_ssid_of_any_bytes_costs_nothing(ssid: bytes) -> None:
+    data = json.dumps(WIFI_JSON).encode().replace(b'"rssi"', b'"ssid": "' + ssid + b'", "rssi"')
+    scan = decode(data, Sensor.WIFI, Encoding.JSON)
+    assert isinstance(scan, WifiScan)
+    assert scan.bssids == ("aa:bb:cc:dd:ee:ff",)
+    assert scan.ssids == (ssid.decode(errors="replace"),)
+
+
+@pytest.mark.parametrize(
+    ("blanks", "spelling"), [("", "utf-8"), (" \r\n\t", "utf-8"), ("", "utf-8-sig"), ("", "utf-16"), ("", "utf-16-le")]
+)
+@pytest.mark.parametrize("said", list(Encoding))
+def test_what_begins_with_a_brace_is_json_whatever_is_said(blanks: str, spelling: str, said: Encoding) -> None:
+    data = (blanks + json.dumps(WIFI_JSON)).encode(spelling)
+    assert_same(decode(data, Sensor.WIFI, said), decode(json.dumps(WIFI_JSON).encode(), Sensor.WIFI, Encoding.JSON))
+
+
+@RELAXED
+@given(MEASUREMENTS)
+def test_cdr_is_read_as_cdr_whatever_is_said(measurement: Measurement) -> None:
+    assert_same(measurement, decode(encode(measurement), sensor_of(measurement), Encoding.JSON))

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayfi.frontends.events import Event
+from wayfi.frontends.events import Dropped, Event, Warned
+from wayfi.frontends.measurements import Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.ros.topics import CONTROL_TOPIC
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
@@ -186,3 +187,16 @@ def test_an_internal_error_is_reported_and_the_drive_goes_on(drive: Recorded, mo
     assert [reasons["internal_error"] for reasons in counters.dropped.values()] == [1]
     assert any("out of luck" in text for text in counters.warnings)
     assert len(replayer.drive.finish().stamps_ns) > 400
+
+
+def test_a_message_that_cannot_be_decoded_is_an_event_and_the_first_of_a_topic_says_why() -> None:
+    live = LiveDrive(Config(), None, NullLog())
+    first, published = live.feed(Sensor.WIFI, Encoding.JSON, b'{"readings": []}')
+    assert published is None
+    assert [(type(e), e.text if isinstance(e, Warned) else "") for e in first] == [
+        (Dropped, ""),
+        (Warned, "/wifi: cannot be decoded: header.stamp.sec is missing"),
+    ]
+    live.drive.show(first)
+    again, _ = live.feed(Sensor.WIFI, Encoding.JSON, b"{")
+    assert [type(e) for e in again] == [Dropped]
