@@ -14,13 +14,14 @@ PAUSE_NS = SECOND_NS  # sensors send every second or more often: a longer step b
 
 
 class Sensor(StrEnum):
-    """The five inputs, by the name of their default topic."""
+    """The six inputs, by the name of their default topic."""
 
     ODOM = "odom"
     SCAN = "scan"
     POINTS = "points"
     WIFI = "wifi"
     TF_STATIC = "tf_static"
+    TF = "tf"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,5 +104,14 @@ class StaticTransforms:
     transforms: tuple[StaticTransform, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class MovingTransforms:
+    """The transforms of one /tf message, each with its stamp in `stamps_ns`; those that never change are fixed."""
+
+    stamp_ns: int
+    transforms: tuple[StaticTransform, ...]
+    stamps_ns: tuple[int, ...]
+
+
 Sweep = LaserScan | PointCloud
-Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms
+Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms | MovingTransforms

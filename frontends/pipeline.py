@@ -16,6 +16,7 @@ from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     Sensor,
@@ -46,10 +47,11 @@ class Pipeline:
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
-        self._scans = ScanIntake(config.lidar)
+        self._scans = ScanIntake(config.lidar, config.odometry.base_frame)
         self._wifi = WifiIntake(config.wifi)
         self._trajectories = Trajectories()
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
+        self._await_mount_ns = self._lead_after_ns // 2  # before the laser would lead: /tf_static is latched
         self._laser_leads: LaserLead | None = None
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
@@ -67,12 +69,13 @@ class Pipeline:
                 return list(self._process_scan(measurement))
             case WifiScan():
                 return list(self._process_wifi(measurement))
-            case StaticTransforms():
-                return self._scans.add_transforms(measurement)
+            case StaticTransforms() | MovingTransforms():
+                return list(self._process_transforms(measurement))
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
-        events = list(self._use_last_scans(self._scans.queue.waiting()))
+        events = list(self._use_scans(last=True))
+        events += self._use_last_scans(self._scans.queue.waiting())
         events += self._use_wifi(self._wifi.finish())
         result, last = self._slam.finish(self._trajectories)
         return result, events + last
@@ -115,6 +118,8 @@ class Pipeline:
         if accepted.dropped:
             yield Dropped(Sensor.ODOM, accepted.stamp_ns, accepted.dropped)
             return
+        self._scans.mounts.follow_odometry(m.child_frame_id)
+        yield from self._forget_if_mounts_changed()
         yield from self._scans.compare(accepted.stamp_ns, self._lead_after_ns)
         yield from self._wifi.compare(accepted.stamp_ns)
         yield from self._follow(accepted, m.pose, published)
@@ -143,6 +148,8 @@ class Pipeline:
         return published
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
+        if self._scans.awaits_mount(self._await_mount_ns):
+            return
         silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m
         if silent and keyframe_due(self._slam.motion_to(point), self._config.odometry):
             yield from self._slam.add_keyframe(point, None)
@@ -183,8 +190,28 @@ class Pipeline:
         else:
             yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
-    def _use_scans(self) -> Iterator[Event]:
+    def _process_transforms(self, m: StaticTransforms | MovingTransforms) -> Iterator[Event]:
+        yield from self._scans.add_transforms(m)
+        yield from self._forget_if_mounts_changed()
+        yield from self._use_scans()
+
+    def _forget_if_mounts_changed(self) -> Iterator[Event]:
+        """Forget the scans so far where they were placed with another mount than is known now."""
+        changes = self._scans.mounts.changes()
+        if not changes:
+            return
+        yield from (Warned(self._stamp_ns, f"{text}; the scans before are forgotten") for text in changes)
+        yield from self._slam.forget_scans(f"of before {changes[0]}")
+        if self._laser_leads:
+            self._laser_leads = LaserLead(self._config.lidar, self._scans)
+            self._path.restart()
+
+    def _use_scans(self, last: bool = False) -> Iterator[Event]:
+        """Use the scans that the path covers; at the `last` even those that wait for their mount."""
+        if self._scans.awaits_mount(self._await_mount_ns) and not last:
+            return
         for point, scan in self._scans.queue.ready(self._path):
+            self._scans.mounts.settle(scan.frame_id)
             if point is None:
                 yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.TOO_LATE)
                 continue
@@ -215,6 +242,7 @@ class Pipeline:
             yield from self._slam.look(point, placed) if placed else ()
 
     def _place(self, point: PathPoint, scan: Sweep) -> PlacedScan | None:
+        self._scans.mounts.mark_used(scan)
         with self._timer("scan_points"):
             return self._scans.place(point, scan, self._path)
 

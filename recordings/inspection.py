@@ -134,7 +134,7 @@ class _ChannelStatistics:
         self.stamps_ns.setdefault(source, array("q")).append(stamp_ns)
 
     def _time_faults(self) -> TimeFaults:
-        if self.route.sensor in (None, Sensor.TF_STATIC):
+        if self.route.sensor in (None, Sensor.TF_STATIC, Sensor.TF):
             return TimeFaults()
         steps = [np.diff(np.array(stamps, dtype=np.int64)) for stamps in self.stamps_ns.values()]
         return TimeFaults(

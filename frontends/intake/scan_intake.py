@@ -9,12 +9,20 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.intake.cloud_intake import CloudIntake, has_return
-from wayfi.frontends.intake.mounts import BASE_FRAME, Mounts
+from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.intake.scan_queue import ScanQueue, sweep_ns
 from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
 from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, StaticTransforms, Sweep
+from wayfi.frontends.measurements import (
+    SECOND_NS,
+    LaserScan,
+    MovingTransforms,
+    PointCloud,
+    Sensor,
+    StaticTransforms,
+    Sweep,
+)
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.scan_points import PlacedScan
 
@@ -22,24 +30,23 @@ from wayfi.frontends.scan_points import PlacedScan
 class ScanIntake:
     """Uses the first laser that sees anything; holds its sweeps in `queue`, and knows the `mounts`."""
 
-    def __init__(self, config: LidarConfig) -> None:
+    def __init__(self, config: LidarConfig, base_frame: str = "") -> None:
         self._config = config
-        self.mounts = Mounts(config)
+        self.mounts = Mounts(config, base_frame)
         self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
         self._watch = LaserWatch(config.watch)
         self._laser: Sensor | None = None
         self._shift_ns = 0
 
-    def add_transforms(self, transforms: StaticTransforms) -> list[Event]:
-        """Learn where sensors are mounted on the base; returns the drops of mounts that cannot be."""
-        dropped: list[Event] = []
-        for t in transforms.transforms:
-            if t.frame_id != BASE_FRAME:
-                continue
-            if reason := self.mounts.add(t):
-                dropped.append(Dropped(Sensor.TF_STATIC, transforms.stamp_ns, reason))
-        return dropped
+    def add_transforms(self, transforms: StaticTransforms | MovingTransforms) -> list[Event]:
+        """Learn where sensors are mounted on the base; returns the drops of transforms that cannot be."""
+        return list(self.mounts.learn(transforms))
+
+    def awaits_mount(self, most_ns: int) -> bool:
+        """Whether the next sweep waits for its mount, which is not known: until sweeps have waited for `most_ns`."""
+        oldest = self.queue.oldest
+        return oldest is not None and self.mounts.awaits(oldest.frame_id) and self.queue.waited_ns <= most_ns
 
     def add(self, stamp_ns: int, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
         """Add a sweep stamped `stamp_ns` on the time base; `latest` is the end of the driven path.

@@ -28,6 +28,11 @@ class ScanQueue:
             dropped.append(self._pop()[1])
         return dropped
 
+    @property
+    def oldest(self) -> Sweep | None:
+        """The sweep that waits longest."""
+        return self._waiting[0][1] if self._waiting else None
+
     def waiting(self) -> list[tuple[int, Sweep]]:
         """The sweeps that wait, oldest first, each with its stamp on the time base."""
         return list(self._waiting)

@@ -1,33 +1,17 @@
 """Where a sensor is mounted on the base."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.measurements import StaticTransform
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.frames.pose3 import Pose3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mount:
+class Mount(Pose3):
     """The pose of a sensor in base_link: `rotation` (3, 3) and `translation` (3,) m."""
 
-    rotation: Floats
-    translation: Floats
-
-    @classmethod
-    def of(cls, transform: StaticTransform) -> "Mount":
-        """The mount of a transform from base_link. Its quaternion may have any length above zero."""
-        x, y, z, w = np.array(transform.rotation_xyzw) / np.linalg.norm(transform.rotation_xyzw)
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        return cls(rotation, np.array(transform.translation_xyz, np.float64))
+    __slots__ = ()
 
     @classmethod
     def level(cls, T_base_sensor: Pose2, height_m: float = 0.0) -> "Mount":

@@ -42,6 +42,7 @@ class AxesConfig:
 class OdometryConfig:
     """Keyframes, the driven path, and how wheels err."""
 
+    base_frame: str = option("", "frame", "whose pose the odometry gives, for mounts; empty: its child_frame_id")
     keyframe_distance_m: float = option(0.5, "m", "a submap keeps its detail, 1 km stays 2,000 keyframes")
     keyframe_turn_rad: float = option(0.5, "rad", "half of what a scan still overlaps when the view is 180 degrees")
     keyframe_seconds: float = option(10.0, "s", "a robot that creeps or waits still gets one, if it moved at all")

@@ -15,7 +15,7 @@ _HEIGHT_WIDTH_BYTES = 8
 
 def check_entries(data: bytes, sensor: Sensor) -> None:
     """Raise CodecError for too many transforms or point fields, struct.error if `data` is too short."""
-    if sensor is Sensor.TF_STATIC:
+    if sensor in (Sensor.TF_STATIC, Sensor.TF):
         check_count("transforms", _uint32_at(data, 0), MAX_TRANSFORMS)
     elif sensor is Sensor.POINTS:
         frame_end = _STAMP_BYTES + 4 + _uint32_at(data, _STAMP_BYTES)

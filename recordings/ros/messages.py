@@ -36,6 +36,7 @@ TYPE_OF_SENSOR = MappingProxyType(
         Sensor.SCAN: LASER_SCAN,
         Sensor.POINTS: POINT_CLOUD,
         Sensor.WIFI: WIFI_SCAN,
+        Sensor.TF: TF_MESSAGE,
         Sensor.TF_STATIC: TF_MESSAGE,
     }
 )

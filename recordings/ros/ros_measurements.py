@@ -12,6 +12,7 @@ from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     Sensor,
@@ -144,9 +145,15 @@ def _read_wifi_scan(message: Message) -> WifiScan:
 
 
 def _read_static_transforms(message: Message) -> StaticTransforms:
+    read = _read_moving_transforms(message)
+    return StaticTransforms(read.stamp_ns, read.transforms)
+
+
+def _read_moving_transforms(message: Message) -> MovingTransforms:
     check_count("transforms", len(message.transforms), MAX_TRANSFORMS)
-    stamps = [_header_stamp_ns(transform) for transform in message.transforms]
-    return StaticTransforms(stamps[0] if stamps else 0, tuple(map(_read_static_transform, message.transforms)))
+    stamps = tuple(map(_header_stamp_ns, message.transforms))
+    transforms = tuple(map(_read_static_transform, message.transforms))
+    return MovingTransforms(stamps[0] if stamps else 0, transforms, stamps)
 
 
 def _read_static_transform(message: Message) -> StaticTransform:
@@ -161,4 +168,5 @@ _READERS: dict[Sensor, Callable[[Message], Measurement]] = {
     Sensor.POINTS: _read_point_cloud,
     Sensor.WIFI: _read_wifi_scan,
     Sensor.TF_STATIC: _read_static_transforms,
+    Sensor.TF: _read_moving_transforms,
 }

@@ -11,6 +11,7 @@ from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     StaticTransform,
@@ -133,6 +134,11 @@ def _write_static_transforms(transforms: StaticTransforms) -> Message:
     return new_message(TF_MESSAGE, written)
 
 
+def _write_moving_transforms(transforms: MovingTransforms) -> Message:
+    pairs = zip(transforms.transforms, transforms.stamps_ns, strict=True)
+    return new_message(TF_MESSAGE, [_write_static_transform(*pair) for pair in pairs])
+
+
 def _write_static_transform(transform: StaticTransform, stamp_ns: int) -> Message:
     pose = new_message(
         "geometry_msgs/msg/Transform",
@@ -149,4 +155,5 @@ _WRITERS: dict[type, tuple[Any, str]] = {
     PointCloud: (_write_point_cloud, POINT_CLOUD),
     WifiScan: (_write_wifi_scan, WIFI_SCAN),
     StaticTransforms: (_write_static_transforms, TF_MESSAGE),
+    MovingTransforms: (_write_moving_transforms, TF_MESSAGE),
 }

@@ -59,6 +59,7 @@ class RecordingConfig:
     points: str = option("/points", "topic", "as above")
     wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
     tf_static: str = option("/tf_static", "topic", "tf2's name")
+    tf: str = option("/tf", "topic", "as above: mounts that are sent again and again, and odometry without messages")
 
     @property
     def topics(self) -> dict[Sensor, str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2, wrap
-from wayfi.frontends.intake.mounts import FURTHEST_M, LARGEST_NORM, SMALLEST_NORM
+from wayfi.frontends.frames.frame_tree import FURTHEST_M, LARGEST_NORM, SMALLEST_NORM
 from wayfi.frontends.intake.scan_queue import LONGEST_SWEEP_S
 from wayfi.frontends.measurements import (
     SECOND_NS,

@@ -16,6 +16,7 @@ MIB = 1 << 20
 QUEUE_BYTES = 64 * MIB  # of a sensor: two clouds of the largest size, or some seconds of smaller ones
 WIFI_MESSAGES = 200  # phones send one in two seconds: over a minute of five of them
 TF_STATIC_MESSAGES = 100  # each is sent once, when its publisher starts: more than a robot has frames
+TF_MESSAGES = 12_000  # 60 s at 200 Hz, as of odometry, which may be in it
 
 Item = TypeVar("Item")
 
@@ -55,6 +56,7 @@ def limits_of(config: ZenohConfig) -> dict[Sensor, QueueLimit]:
         Sensor.POINTS: QueueLimit(config.scan_queue, 32 * MIB),
         Sensor.WIFI: QueueLimit(WIFI_MESSAGES, 4 * MIB),
         Sensor.TF_STATIC: QueueLimit(TF_STATIC_MESSAGES, MIB),
+        Sensor.TF: QueueLimit(TF_MESSAGES, MIB),
     }
 
 

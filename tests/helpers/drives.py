@@ -15,6 +15,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     Sensor,
@@ -44,6 +45,7 @@ _SENSOR_OF: dict[type[Measurement], Sensor] = {
     PointCloud: Sensor.POINTS,
     WifiScan: Sensor.WIFI,
     StaticTransforms: Sensor.TF_STATIC,
+    MovingTransforms: Sensor.TF,
 }
 
 

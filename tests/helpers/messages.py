@@ -10,6 +10,7 @@ from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     Sensor,
@@ -61,22 +62,37 @@ def wifi_scans(draw: st.DrawFn) -> WifiScan:
     return WifiScan(draw(STAMPS), draw(NAMES), bssids, float32s(list(rssi)), float32s(list(age)), ssids, frequency)
 
 
+TRANSFORMS = st.lists(
+    st.builds(
+        StaticTransform, NAMES, NAMES, st.tuples(FLOATS, FLOATS, FLOATS), st.tuples(FLOATS, FLOATS, FLOATS, FLOATS)
+    ),
+    min_size=1,
+    max_size=4,
+).map(tuple)
+
+
 @st.composite
 def static_transforms(draw: st.DrawFn) -> StaticTransforms:
-    transform = st.builds(
-        StaticTransform, NAMES, NAMES, st.tuples(FLOATS, FLOATS, FLOATS), st.tuples(FLOATS, FLOATS, FLOATS, FLOATS)
-    )
-    transforms = tuple(draw(st.lists(transform, min_size=1, max_size=4)))
-    return StaticTransforms(draw(STAMPS), transforms)
+    return StaticTransforms(draw(STAMPS), draw(TRANSFORMS))
 
 
-MEASUREMENTS = st.one_of(odometries(), laser_scans(), point_clouds(), wifi_scans(), static_transforms())
+@st.composite
+def moving_transforms(draw: st.DrawFn) -> MovingTransforms:
+    transforms = draw(TRANSFORMS)
+    stamps_ns = tuple(draw(STAMPS) for _ in transforms)
+    return MovingTransforms(stamps_ns[0], transforms, stamps_ns)
+
+
+MEASUREMENTS = st.one_of(
+    odometries(), laser_scans(), point_clouds(), wifi_scans(), static_transforms(), moving_transforms()
+)
 SENSOR_OF_CLASS: dict[type, Sensor] = {
     Odometry: Sensor.ODOM,
     LaserScan: Sensor.SCAN,
     PointCloud: Sensor.POINTS,
     WifiScan: Sensor.WIFI,
     StaticTransforms: Sensor.TF_STATIC,
+    MovingTransforms: Sensor.TF,
 }
 
 
@@ -89,6 +105,7 @@ EXAMPLES: list[Measurement] = [
         ("home", "café"), (2412, 5180),
     ),
     StaticTransforms(9, (StaticTransform("base_link", "laser", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),)),
+    MovingTransforms(9, (StaticTransform("odom", "base_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),), (9,)),
 ]  # fmt: skip
 
 

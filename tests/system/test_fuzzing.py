@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from drives import Simulated
-from faulty.fuzzed_drive import as_cloud, fuzzed, sensor_of, thinned
+from faulty.fuzzed_drive import as_cloud, as_transforms, fuzzed, sensor_of, thinned
 from faulty.fuzzing import Mutator
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished
-from wayfi.frontends.intake.mounts import MOST_FRAMES
+from wayfi.frontends.frames.frame_tree import MOST_FRAMES
 from wayfi.frontends.intake.scan_queue import MOST_WAITING
 from wayfi.frontends.intake.wifi_intake import MOST_RECEIVERS
 from wayfi.frontends.intake.wifi_intake import MOST_WAITING as MOST_WIFI_WAITING
@@ -60,6 +60,7 @@ def messages_of(sensor: Sensor, minute: Simulated) -> list[Measurement]:
     """A few sound messages of each sensor."""
     some = [thinned(a.measurement) for a in minute.arrivals[:60]]
     some += [as_cloud(m) for m in some if isinstance(m, LaserScan)]
+    some += [as_transforms(m) for m in some if isinstance(m, Odometry)]
     return [m for m in some if sensor_of(m) is sensor]
 
 
@@ -134,9 +135,9 @@ def test_scans_that_wait_are_so_many_at_most() -> None:
 
 
 def test_frames_beyond_the_most_are_not_remembered() -> None:
-    frames = [StaticTransform("base_link", f"frame {i}", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for i in range(200)]
+    frames = [StaticTransform("base_link", f"frame {i}", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for i in range(1050)]
     dropped = reasons(feed(pipeline(), [StaticTransforms(START_NS, (t,)) for t in frames]))
-    assert dropped == [DropReason.TOO_MANY_FRAMES] * (200 - MOST_FRAMES)
+    assert dropped == [DropReason.TOO_MANY_FRAMES] * (1050 - MOST_FRAMES)
 
 
 @pytest.mark.parametrize(

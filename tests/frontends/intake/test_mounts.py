@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
-from wayfi.frontends.intake.mounts import FURTHEST_M, MOST_FRAMES, MOST_WARNED, Mounts
+from wayfi.frontends.frames.frame_tree import FURTHEST_M, MOST_FRAMES
+from wayfi.frontends.intake.mounts import MOST_WARNED, Mounts
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, StaticTransform
 

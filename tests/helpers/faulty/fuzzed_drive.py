@@ -1,5 +1,6 @@
 """A sound drive without an end, and mutations of its latest messages between them."""
 
+import math
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from faulty.fuzzing import Mutator
 from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
+    MovingTransforms,
     Odometry,
     PointCloud,
     Sensor,
@@ -50,6 +52,8 @@ def sensor_of(measurement: Measurement) -> Sensor:
             return Sensor.WIFI
         case StaticTransforms():
             return Sensor.TF_STATIC
+        case MovingTransforms():
+            return Sensor.TF
 
 
 def to_and_fro(drive: Sequence[Measurement]) -> Iterator[Measurement]:
@@ -96,6 +100,8 @@ def fuzzed(drive: Sequence[Measurement], messages: int, seed: int) -> Iterator[F
             if isinstance(m, LaserScan):
                 latest[Sensor.POINTS] = encode(as_cloud(m))
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))
+            elif isinstance(m, Odometry):
+                latest[Sensor.TF] = encode(as_transforms(m))
             elif isinstance(m, PointCloud):
                 latest[Sensor.SCAN] = encode(_as_scan(m))
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))
@@ -105,6 +111,15 @@ def fuzzed(drive: Sequence[Measurement], messages: int, seed: int) -> Iterator[F
             encoding = Encoding.JSON if rng.random() < 0.3 else Encoding.CDR
             yield Fed(sensor, encoding, mutator.message(sensor, latest[sensor], encoding), True)
         messages -= MUTATED_AT_ONCE
+
+
+def as_transforms(m: Odometry) -> MovingTransforms:
+    """The same pose as transforms, with a mount beside it."""
+    half = 0.5 * m.pose.theta
+    turn = 0.0, 0.0, math.sin(half), math.cos(half)
+    pose = StaticTransform(m.frame_id, m.child_frame_id, (m.pose.x, m.pose.y, 0.0), turn)
+    laser = StaticTransform(m.child_frame_id, "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+    return MovingTransforms(m.stamp_ns, (pose, laser), (m.stamp_ns, m.stamp_ns))
 
 
 def _as_scan(cloud: PointCloud) -> LaserScan:

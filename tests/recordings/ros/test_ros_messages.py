@@ -15,7 +15,7 @@ from wayfi.recordings.ros.codec_error import CodecError
 
 
 def test_fields_stand_where_ros_has_them() -> None:
-    odometry, scan, _, wifi, _ = map(ros_message, EXAMPLES)
+    odometry, scan, _, wifi, *_ = map(ros_message, EXAMPLES)
     assert (odometry.header.stamp.sec, odometry.header.stamp.nanosec) == (1_500_000_000, 123_456_789)
     assert odometry.pose.covariance[[0, 7, 35]].tolist() == [0.1, 0.2, 0.3]
     assert scan.angle_max == pytest.approx(-1.5 + 3 * 0.25)

@@ -1,0 +1,51 @@
+"""Rigid poses in space."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.measurements import StaticTransform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose3:
+    """The pose of a child frame in its parent: `rotation` (3, 3) and `translation` (3,) m."""
+
+    rotation: Floats
+    translation: Floats
+
+    @classmethod
+    def of(cls, transform: StaticTransform) -> Self:
+        """The pose of a transform. Its quaternion may have any length above zero."""
+        x, y, z, w = np.array(transform.rotation_xyzw) / np.linalg.norm(transform.rotation_xyzw)
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        return cls(rotation, np.array(transform.translation_xyz, np.float64))
+
+    @classmethod
+    def identity(cls) -> Self:
+        """The pose of a frame in itself."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def __matmul__(self, other: "Pose3") -> Self:
+        """T_a_b @ T_b_c = T_a_c."""
+        return type(self)(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
+
+    def inverse(self) -> Self:
+        """T_b_a of T_a_b."""
+        return type(self)(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def differs(self, other: "Pose3", metres: float, radians: float) -> bool:
+        """Whether the two are further apart than `metres`, or turned against each other by more than `radians`."""
+        turn = self.rotation.T @ other.rotation
+        sine = 0.5 * math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
+        angle = math.atan2(sine, 0.5 * (float(np.trace(turn)) - 1.0))
+        return angle > radians or math.dist(self.translation, other.translation) > metres
