@@ -200,7 +200,7 @@ class Pipeline:
         changes = self._scans.mounts.changes()
         if not changes:
             return
-        yield from (Warned(self._stamp_ns, f"{text}; the scans before are forgotten") for text in changes)
+        yield from (Warned(self.stamp_ns, f"{text}; the scans before are forgotten") for text in changes)
         yield from self._slam.forget_scans(f"of before {changes[0]}")
         if self._laser_leads:
             self._laser_leads = LaserLead(self._config.lidar, self._scans)

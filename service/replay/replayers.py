@@ -35,7 +35,7 @@ class _Routes:
 
     def of(self, record: Record) -> Route:
         """The route of a record."""
-        channel = (record.topic, record.type_name, encoding_of(record.data, record.encoding))
+        channel = Channel(record.topic, record.type_name, encoding_of(record.data, record.encoding))
         if channel not in self._known:
             self._known[channel] = found = route(*channel, self._topics)
             if not found.used:
