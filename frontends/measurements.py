@@ -28,7 +28,8 @@ class Sensor(StrEnum):
 class Odometry:
     """Pose of `child_frame_id` (base_link) in `frame_id` (odom), as the wheels see it; not checked for finiteness.
 
-    `covariance` is (3, 3) in (x, y, theta), m and rad, or None where the message leaves it zero (unknown).
+    `covariance` is (3, 3) in (x, y, theta), m and rad, or None where the message leaves it zero (unknown). `twist` is
+    the velocity in `child_frame_id`: x and y, m/s, and theta, rad/s.
     """
 
     stamp_ns: int
@@ -36,6 +37,7 @@ class Odometry:
     covariance: NDArray[np.float64] | None = None
     frame_id: str = "odom"
     child_frame_id: str = "base_link"
+    twist: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,8 +7,8 @@ import numpy as np
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
-from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake, sensor_of
+from wayfi.frontends.intake.stand_ins import StandIns
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.lidar.doubt import stands
@@ -30,6 +30,7 @@ from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.odometry_config import calibration_prior
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.scan_corrections import ScanCorrections
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
@@ -48,11 +49,12 @@ class Pipeline:
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._scans = ScanIntake(config.lidar, config.odometry.base_frame)
+        self._stand_ins = StandIns(config.lidar, self._scans, self._odometry)
         self._wifi = WifiIntake(config.wifi)
+        self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
         self._trajectories = Trajectories()
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._await_mount_ns = self._lead_after_ns // 2  # before the laser would lead: /tf_static is latched
-        self._laser_leads: LaserLead | None = None
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
         self._estimated = (0, 0)
@@ -74,7 +76,8 @@ class Pipeline:
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
-        events = list(self._use_scans(last=True))
+        events = list(self._lead_by_transforms(self.stamp_ns)) if self._path.latest is None else []
+        events += self._use_scans(last=True)
         events += self._use_last_scans(self._scans.queue.waiting())
         events += self._use_wifi(self._wifi.finish())
         result, last = self._slam.finish(self._trajectories)
@@ -86,7 +89,7 @@ class Pipeline:
         if len(self._slam.keyframes) == keyframes and self._odometry.received < odometry + ESTIMATE_EVERY:
             return None
         self._estimated = len(self._slam.keyframes), self._odometry.received
-        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._laser_leads else None
+        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._stand_ins.lead else None
         return Estimate(serial, self._odometry.tip(), anchor)
 
     def history(self) -> list[Event]:
@@ -111,34 +114,40 @@ class Pipeline:
 
     def _process_odometry(self, m: Odometry, published: PosePublished | None) -> Iterator[Event]:
         accepted = self._odometry.accept(m)
+        if accepted.told:
+            yield Warned(accepted.stamp_ns, accepted.told)
+        if accepted.ends_stand_in:
+            yield from self._stand_ins.end(accepted.stamp_ns)
+        if accepted.point:
+            self._stand_ins.transforms.take()
+        yield from self._use_odometry(Sensor.ODOM, accepted, m, published)
+
+    def _use_odometry(
+        self, sensor: Sensor, accepted: Accepted, m: Odometry, published: PosePublished | None = None
+    ) -> Iterator[Event]:
         yield from self._warn_of_shift(accepted.stamp_ns, accepted.shift_ns)
-        if accepted.ends_laser_lead:
-            self._laser_leads = None
-            yield Warned(accepted.stamp_ns, "odometry has come: the wheels lead from here on, not the laser")
         if accepted.dropped:
-            yield Dropped(Sensor.ODOM, accepted.stamp_ns, accepted.dropped)
+            yield Dropped(sensor, accepted.stamp_ns, accepted.dropped)
             return
         self._scans.mounts.follow_odometry(m.child_frame_id)
-        yield from self._forget_if_mounts_changed()
+        yield from self._forget_misplaced()
         yield from self._scans.compare(accepted.stamp_ns, self._lead_after_ns)
         yield from self._wifi.compare(accepted.stamp_ns)
-        yield from self._follow(accepted, m.pose, published)
+        yield from self._follow(accepted, published)
 
-    def _follow(
-        self, accepted: Accepted, T_odom_base: Pose2, published: PosePublished | None = None
-    ) -> Iterator[Event]:
+    def _follow(self, accepted: Accepted, published: PosePublished | None = None) -> Iterator[Event]:
         """Use what waited for the path's newest point, then publish the pose in `map`."""
         point = accepted.point
         assert point is not None
         if not accepted.plausible:
-            self._slam.steps.leapt(self._path.leapt_m)
-            yield Warned(point.stamp_ns, "the odometry leapt further than a robot drives; the leap counts as no motion")
+            self._slam.steps.leapt(self._path.leapt_m, self._path.leapt_rad)
+            yield Warned(point.stamp_ns, self._path.leap_text)
         if not self._slam.has_keyframes:
             yield from self._slam.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
-        yield self._publish(point, T_odom_base, published)
+        yield self._publish(point, accepted.T_odom_base, published)
         yield from self._slam.redraw_grid(point.stamp_ns)
 
     def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> PosePublished:
@@ -166,45 +175,51 @@ class Pipeline:
         if shifted_ns is None:
             return
         yield from self._use_scans()
-        if self._laser_leads or self._scans.queue.waited_ns > self._lead_after_ns:
+        waits = self._scans.queue.waited_ns > self._lead_after_ns
+        if waits and self._stand_ins.transforms.waited_ns > self._lead_after_ns // 2:
+            yield from self._lead_by_transforms(shifted_ns)
+        elif waits or self._stand_ins.laser_leads:
             yield from self._lead_by_laser(shifted_ns)
+
+    def _lead_by_transforms(self, stamp_ns: int) -> Iterator[Event]:
+        """Drive by the odometry in /tf in place of the messages that do not come."""
+        for m in self._stand_ins.transforms.take():
+            yield from self._stand_ins.begin_transforms(stamp_ns)
+            yield from self._use_odometry(Sensor.TF, self._odometry.follow_transform(m), m)
 
     def _lead_by_laser(self, stamp_ns: int) -> Iterator[Event]:
         """Drive by scan matching from scan to scan in place of the odometry that does not come."""
-        if self._laser_leads is None:
-            self._laser_leads = LaserLead(self._config.lidar, self._scans)
-            self._odometry.begin_laser_lead()
-            yield Warned(stamp_ns, "no odometry: the laser leads")
+        yield from self._stand_ins.begin_laser(stamp_ns)
         yield from self._wifi.compare(stamp_ns)
         for scan_ns, scan in self._scans.queue.waiting():
             latest = self._path.latest
             if latest is not None and scan_ns <= latest.stamp_ns:
                 continue
-            T_odom_base = self._laser_leads.match(scan_ns, scan)
-            yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base), T_odom_base)
+            T_odom_base = self._stand_ins.match(scan_ns, scan)
+            yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""
-        if waiting and (self._laser_leads or self._path.latest is None):
+        if waiting and (self._stand_ins.laser_leads or self._path.latest is None):
             yield from self._lead_by_laser(waiting[-1][0])
         else:
             yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _process_transforms(self, m: StaticTransforms | MovingTransforms) -> Iterator[Event]:
-        yield from self._scans.add_transforms(m)
-        yield from self._forget_if_mounts_changed()
+        yield from self._scans.mounts.learn(m)
+        yield from self._forget_misplaced()
         yield from self._use_scans()
+        if isinstance(m, MovingTransforms):
+            self._stand_ins.transforms.add(m)
+            if self._stand_ins.transforms_lead or self._stand_ins.transforms.waited_ns > self._lead_after_ns:
+                yield from self._lead_by_transforms(m.stamp_ns)
 
-    def _forget_if_mounts_changed(self) -> Iterator[Event]:
-        """Forget the scans so far where they were placed with another mount than is known now."""
-        changes = self._scans.mounts.changes()
-        if not changes:
-            return
-        yield from (Warned(self.stamp_ns, f"{text}; the scans before are forgotten") for text in changes)
-        yield from self._slam.forget_scans(f"of before {changes[0]}")
-        if self._laser_leads:
-            self._laser_leads = LaserLead(self._config.lidar, self._scans)
-            self._path.restart()
+    def _forget_misplaced(self) -> Iterator[Event]:
+        """Forget the scans that were placed with a wrong mount; a laser that leads begins anew."""
+        forgotten = list(self._corrections.forget_misplaced(self.stamp_ns))
+        if forgotten:
+            self._stand_ins.begin_laser_anew()
+        yield from forgotten
 
     def _use_scans(self, last: bool = False) -> Iterator[Event]:
         """Use the scans that the path covers; at the `last` even those that wait for their mount."""
@@ -225,7 +240,7 @@ class Pipeline:
                 yield from self._scans.mounts.warn_of_unknown(scan)
                 self._seen = point
                 yield from self._slam.add_keyframe(point, self._place(point, scan))
-                yield from self._correct_stamps(point.stamp_ns)
+                yield from self._corrections.correct_stamps(point.stamp_ns, self._path, self._trajectories)
             else:
                 yield from self._look(point, scan)
 
@@ -245,21 +260,6 @@ class Pipeline:
         self._scans.mounts.mark_used(scan)
         with self._timer("scan_points"):
             return self._scans.place(point, scan, self._path)
-
-    def _correct_stamps(self, stamp_ns: int) -> Iterator[Event]:
-        """Correct the laser's stamps where its clock is not the odometry's, or its driver stamps late."""
-        offset_s = self._slam.laser_offset_s(self._path)
-        if offset_s is None:
-            return
-        self._scans.shift_stamps(offset_s)
-        late = f"{abs(offset_s):.2f} s {'early' if offset_s > 0 else 'late'}"
-        if abs(offset_s) <= self._config.lidar.clock.latency.max_s:
-            yield Warned(stamp_ns, f"laser: its driver stamps its scans {late}; corrected")
-            yield from self._slam.shift_scans(offset_s, self._trajectories)
-            return
-        text = f"its clock is {abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'} the odometry's"
-        yield Warned(stamp_ns, f"laser: {text}; its stamps are corrected from here on, set its clock", "laser.clock")
-        yield from self._slam.forget_scans(f"of before the laser's stamps were corrected: {text}")
 
     def _process_wifi(self, m: WifiScan) -> Iterator[Event]:
         if not self._config.wifi.enabled:

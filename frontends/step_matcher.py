@@ -42,9 +42,9 @@ class StepMatcher:
         """How long (s) after a scan the next one is to be looked at while the wheels stand still."""
         return self._lidar.doubt.look_again_s if self._doubt.unsettled else self._lidar.doubt.look_s
 
-    def leapt(self, metres: float) -> None:
+    def leapt(self, metres: float, radians: float) -> None:
         """The odometry leapt, which counted as no motion: the pose is in doubt until scans tell."""
-        self._doubt.leapt(metres)
+        self._doubt.leapt(metres, radians)
 
     def match(
         self, placed: PlacedScan, motion: WheelMotion, guess: Pose2, number: int, poses: Floats

@@ -6,8 +6,10 @@ from typing import Self
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats
+from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.measurements import StaticTransform
+
+SMALLEST_SQUARED_NORM = 1e-12  # of a quaternion: a smaller one was left zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +45,23 @@ class Pose3:
         """T_b_a of T_a_b."""
         return type(self)(self.rotation.T, -self.rotation.T @ self.translation)
 
+    @property
+    def planar(self) -> Pose2:
+        """The pose in the plane: its position, and the heading of its x axis."""
+        x, y, _ = self.translation.tolist()
+        return Pose2(x, y, math.atan2(self.rotation[1, 0], self.rotation[0, 0]))
+
     def differs(self, other: "Pose3", metres: float, radians: float) -> bool:
         """Whether the two are further apart than `metres`, or turned against each other by more than `radians`."""
         turn = self.rotation.T @ other.rotation
         sine = 0.5 * math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
         angle = math.atan2(sine, 0.5 * (float(np.trace(turn)) - 1.0))
         return angle > radians or math.dist(self.translation, other.translation) > metres
+
+
+def heading(rotation_xyzw: tuple[float, float, float, float]) -> float:
+    """The heading (rad) of a quaternion's x axis, of whatever length that is; NaN if it is (nearly) zero."""
+    x, y, z, w = rotation_xyzw
+    if x * x + y * y + z * z + w * w < SMALLEST_SQUARED_NORM:
+        return math.nan
+    return wrap(math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))

@@ -118,12 +118,13 @@ class Doubt:
         """Whether there is doubt, or the last step may be the first of some that disagree."""
         return self.health is not None or self._in_a_row[0] in (Finding.SLIPPED, Finding.UNFIT, Finding.MISFIT)
 
-    def leapt(self, metres: float) -> None:
+    def leapt(self, metres: float, radians: float = 0.0) -> None:
         """The odometry leapt, which counted as no motion; without scans nothing can tell, and no doubt ends."""
         if self._in_a_row[1] == 0:
             return
         self._in_a_row = (Finding.SILENT, 1)
-        self.health = worse(self.health, Health(State.UNCERTAIN, f"the odometry leapt {metres:.1f} m"))
+        turned = f", and by {radians:.1f} rad" if radians > self._config.slip_rad else ""
+        self.health = worse(self.health, Health(State.UNCERTAIN, f"the odometry leapt {metres:.1f} m{turned}"))
 
     def add(self, step: StepJudged) -> Floats:
         """Add the next step; returns the (3, 3) covariance that the wheels' has to grow by.

@@ -21,15 +21,6 @@ class Mount(Pose3):
         return cls(rotation, np.array([T_base_sensor.x, T_base_sensor.y, height_m]))
 
     @property
-    def planar(self) -> Pose2:
-        """T_base_sensor in the plane: its position, and the heading of its x axis."""
-        return Pose2(
-            float(self.translation[0]),
-            float(self.translation[1]),
-            math.atan2(self.rotation[1, 0], self.rotation[0, 0]),
-        )
-
-    @property
     def upside_down(self) -> bool:
         """Whether the sensor's z axis points down: its bearings then run clockwise."""
         return bool(self.rotation[2, 2] < 0)

@@ -13,6 +13,8 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
+ORIGIN_M, ORIGIN_RAD = 0.1, 0.1  # of a step to the very origin, where sums of steps do not lead again: a restart
+ROUNDING = 1e-6  # m and rad
 LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
 
 
@@ -38,7 +40,7 @@ class PathPoint:
 class DrivenPath:
     """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion.
 
-    `leapt_m` is the length of the newest step if it was such a leap, else 0.
+    `leapt_m` and `leapt_rad` are the length and the turn of the newest step if it was such a leap, else 0.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -46,12 +48,19 @@ class DrivenPath:
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._was_away = False
-        self.leapt_m = 0.0
+        self.leapt_m = self.leapt_rad = 0.0
 
     @property
     def latest(self) -> PathPoint | None:
         """The newest point, None before the first odometry."""
         return self._points[-1] if self._points else None
+
+    @property
+    def leap_text(self) -> str:
+        """What is to be told of the newest step, which was such a leap."""
+        if self.leapt_m > self._config.min_leap_m:
+            return "the odometry leapt further than a robot drives; the leap counts as no motion"
+        return "the odometry began anew or turned further than a robot turns; the leap counts as no motion"
 
     def restart(self) -> None:
         """Join the next pose without motion: the source of the odometry has changed."""
@@ -72,20 +81,19 @@ class DrivenPath:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
         last = self.latest
         plausible, discontinuities = True, last.discontinuities if last else 0
+        self.leapt_m = self.leapt_rad = 0.0
         if last is None:
-            point, self.leapt_m = PathPoint(stamp_ns, T_odom_base, 0.0), 0.0
+            point = PathPoint(stamp_ns, T_odom_base, 0.0)
         else:
             step = Pose2() if self._raw is None else self._raw.between(T_odom_base)
-            distance = math.hypot(step.x, step.y)
             seconds = (stamp_ns - last.stamp_ns) * NANOSECOND_S
             restarted = self._has_restarted(T_odom_base)
-            self.leapt_m = 0.0
-            if (self._was_away and restarted) or not distance <= max(
-                self._config.min_leap_m, self._config.max_speed_m_s * seconds
-            ):
-                plausible, self.leapt_m, step, distance = False, distance, Pose2(), 0.0
+            if (self._was_away and restarted) or self._leaps(step, T_odom_base, seconds):
+                self.leapt_m, self.leapt_rad = math.hypot(step.x, step.y), abs(step.theta)
+                plausible, step = False, Pose2()
                 discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
-            point = PathPoint(stamp_ns, last.T_path_base @ step, last.path_m + distance, discontinuities)
+            path_m = last.path_m + math.hypot(step.x, step.y)
+            point = PathPoint(stamp_ns, last.T_path_base @ step, path_m, discontinuities)
         self._raw, self._was_away = T_odom_base, False
         self._points.append(point)
         kept_ns = int(self._config.path_s * SECOND_NS)
@@ -107,10 +115,21 @@ class DrivenPath:
         lengths: Floats = np.where(inside, path_m[before] + fraction * (path_m[after] - path_m[before]), np.nan)
         return lengths
 
+    def _leaps(self, step: Pose2, T_odom_base: Pose2, seconds: float) -> bool:
+        """Whether a step is further than a robot drives or turns, or leads to the very origin."""
+        config = self._config
+        furthest_m = max(config.min_leap_m, config.max_speed_m_s * seconds)
+        furthest_rad = max(config.min_leap_rad, config.max_turn_rad_s * seconds)
+        if _is_origin(T_odom_base):
+            furthest_m, furthest_rad = ORIGIN_M, ORIGIN_RAD
+        return not (math.hypot(step.x, step.y) <= furthest_m and abs(step.theta) <= furthest_rad)
+
     def _has_restarted(self, T_odom_base: Pose2) -> bool:
-        """Whether a pose is near the origin of the odometry, and the last one was not."""
+        """Whether a pose is near the origin of the odometry, or at it, and the last one was not."""
         if self._raw is None:
             return False
+        if _is_origin(T_odom_base):
+            return not _is_origin(self._raw)
         before_m, now_m = math.hypot(self._raw.x, self._raw.y), math.hypot(T_odom_base.x, T_odom_base.y)
         return now_m < self._config.restart_m < 0.5 * before_m
 
@@ -128,3 +147,8 @@ class DrivenPath:
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
         return PathPoint(stamp_ns, pose, path_m, before.discontinuities)
+
+
+def _is_origin(T_odom_base: Pose2) -> bool:
+    """Whether a pose is the odometry's origin, but for rounding."""
+    return max(abs(T_odom_base.x), abs(T_odom_base.y), abs(T_odom_base.theta)) < ROUNDING

@@ -75,28 +75,30 @@ class LivePose:
     def add(self, m: Odometry) -> PosePublished | None:
         """The pose for the next message; None where the message is dropped, or the laser leads."""
         self._since.append(m)
-        point = self._estimate.odometry.accept(m).point
+        accepted = self._estimate.odometry.accept(m)
+        point = accepted.point
         if point is None:
             return None
         if self._estimate.serial == 0 and self._estimate.anchor is None:
             self._begin(point)
         anchor = self._estimate.anchor
-        return anchor.pose_at(point, m.pose, self._config) if anchor else None
+        return anchor.pose_at(point, accepted.T_odom_base, self._config) if anchor else None
 
     def adopt(self, estimate: Estimate) -> list[PosePublished]:
         """Go on from `estimate`, of which this object becomes the owner, and accept again what came after it.
 
         Returns poses for the messages after it where there were none before, since the laser led.
         """
-        laser_led = self._estimate.anchor is None
+        stood_in = self._estimate.anchor is None
         newer = max(0, self._estimate.odometry.received - estimate.odometry.received)
         while len(self._since) > newer:
             self._since.popleft()
         self._estimate = estimate
-        reached = [(m, estimate.odometry.accept(m).point) for m in self._since]
-        if not laser_led or estimate.anchor is None:
+        reached = [estimate.odometry.accept(m) for m in self._since]
+        anchor = estimate.anchor
+        if not stood_in or anchor is None:
             return []
-        return [estimate.anchor.pose_at(point, m.pose, self._config) for m, point in reached if point is not None]
+        return [anchor.pose_at(a.point, a.T_odom_base, self._config) for a in reached if a.point is not None]
 
     def _begin(self, point: PathPoint) -> None:
         """The first pose is the origin of `map`."""

@@ -42,6 +42,7 @@ class AxesConfig:
 class OdometryConfig:
     """Keyframes, the driven path, and how wheels err."""
 
+    unit_m: float = option(1.0, "m", "of its positions: 0.001 for millimetres, which are found out by their speeds too")
     base_frame: str = option("", "frame", "whose pose the odometry gives, for mounts; empty: its child_frame_id")
     keyframe_distance_m: float = option(0.5, "m", "a submap keeps its detail, 1 km stays 2,000 keyframes")
     keyframe_turn_rad: float = option(0.5, "rad", "half of what a scan still overlaps when the view is 180 degrees")
@@ -55,6 +56,8 @@ class OdometryConfig:
     )
     max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
     min_leap_m: float = option(0.5, "m", "a shorter step is no reset, whatever its speed: stamps of a burst lie close")
+    max_turn_rad_s: float = option(8.0, "rad/s", "a real robot that was bumped had 6; faster is a reset")
+    min_leap_rad: float = option(0.8, "rad", "as above; a real recording has 0.6 within 5 ms")
     restart_m: float = option(
         0.5, "m", "after a pause: a pose this near the odometry's origin, from over twice as far, is a restart"
     )

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Pose2, wrap
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.frames.pose3 import heading
 from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
@@ -33,7 +34,6 @@ MAX_READINGS = 2_000
 MAX_TRANSFORMS = 300
 MAX_FIELDS = 100  # of a point
 MAX_NAME = 256  # letters of a frame or a receiver
-_SMALLEST_SQUARED_NORM = 1e-12
 
 
 def to_measurement(message: Message, sensor: Sensor) -> Measurement:
@@ -81,14 +81,6 @@ def _header_stamp_ns(message: Message) -> int:
     return stamp_ns_of(stamp.sec, stamp.nanosec)
 
 
-def _theta(q: Message) -> float:
-    """The heading (rad) of the quaternion `q`; NaN if `q` is (nearly) zero."""
-    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    if norm2 < _SMALLEST_SQUARED_NORM:
-        return math.nan
-    return wrap(math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z))
-
-
 def _planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """(3, 3) in (x, y, theta) of the (36,) `covariance`; None if all zero or not finite."""
     planar = covariance[PLANAR_INDICES].reshape(3, 3)
@@ -96,13 +88,15 @@ def _planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] |
 
 
 def _read_odometry(message: Message) -> Odometry:
-    pose = message.pose.pose
+    pose, twist = message.pose.pose, message.twist.twist
+    q = pose.orientation
     return Odometry(
         _header_stamp_ns(message),
-        Pose2(pose.position.x, pose.position.y, _theta(pose.orientation)),
+        Pose2(pose.position.x, pose.position.y, heading((q.x, q.y, q.z, q.w))),
         _planar_covariance(message.pose.covariance),
         message.header.frame_id,
         check_name(message.child_frame_id),
+        (twist.linear.x, twist.linear.y, twist.angular.z),
     )
 
 

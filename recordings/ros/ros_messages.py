@@ -79,8 +79,9 @@ def pose_with_covariance(pose: Pose2, covariance: NDArray[np.float64] | None) ->
 
 
 def _write_odometry(odometry: Odometry) -> Message:
-    zero = new_message("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    twist = new_message("geometry_msgs/msg/Twist", zero, zero)
+    vx, vy, omega = odometry.twist
+    linear, angular = (new_message("geometry_msgs/msg/Vector3", *v) for v in ((vx, vy, 0.0), (0.0, 0.0, omega)))
+    twist = new_message("geometry_msgs/msg/Twist", linear, angular)
     return new_message(
         ODOMETRY,
         header(odometry.stamp_ns, odometry.frame_id),

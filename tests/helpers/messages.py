@@ -38,7 +38,8 @@ def odometries(draw: st.DrawFn) -> Odometry:
     pose = Pose2(draw(FLOATS), draw(FLOATS), wrap(draw(st.floats(-math.pi, math.pi))))
     root = np.array(draw(st.one_of(st.none(), st.lists(st.floats(0.1, 10.0), min_size=9, max_size=9))), dtype=object)
     covariance = None if root.shape == () else root.astype(float).reshape(3, 3) @ root.astype(float).reshape(3, 3).T
-    return Odometry(draw(STAMPS), pose, covariance, draw(NAMES), draw(NAMES))
+    twist = draw(st.tuples(FLOATS, FLOATS, FLOATS))
+    return Odometry(draw(STAMPS), pose, covariance, draw(NAMES), draw(NAMES), twist)
 
 
 @st.composite

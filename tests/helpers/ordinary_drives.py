@@ -31,7 +31,8 @@ def fed(arrivals: Iterable[Arrival], *settings: str) -> Fed:
     """Feed the arrivals in the order of their coming in, each decoded from its message."""
     drive = Drive(load_config((), settings), None, NullLog())
     for a in sorted(arrivals, key=lambda a: a.at_ns):
-        drive.show(drive.feed(_SENSOR_OF[type(a.measurement)], Encoding.CDR, encode(a.measurement)))
+        data = encode(a.measurement) if a.data is None else a.data
+        drive.show(drive.feed(_SENSOR_OF[type(a.measurement)], Encoding.CDR, data))
     result = drive.finish()
     counters = drive.counters
     told = counters.warnings + [str(change["reason"]) for change in counters.status_changes]

@@ -68,7 +68,7 @@ def test_a_message_has_a_point_or_a_reason_and_stamps_rise(faults: list[str]) ->
 
 def test_the_wheels_join_without_motion_where_the_laser_led_and_only_once() -> None:
     odometry = AcceptedOdometry(CONFIG)
-    odometry.begin_laser_lead()
+    odometry.begin_stand_in()
     first_ns = SOUND[0].stamp_ns
     odometry.follow_laser(first_ns - SECOND_NS, Pose2(7.0, 0.0, 0.0))
     led = odometry.follow_laser(first_ns - 1, Pose2(7.3, 0.0, 0.0))
@@ -78,17 +78,17 @@ def test_the_wheels_join_without_motion_where_the_laser_led_and_only_once() -> N
     assert [one.point.path_m for one in after if one.point] == pytest.approx(
         [led.point.path_m + k * STEP.x for k in range(3)]
     )
-    assert [one.ends_laser_lead for one in after] == [True, False, False]
+    assert [one.ends_stand_in for one in after] == [True, False, False]
     assert accept_all(tip, SOUND[:3]) == after
 
 
 def test_a_message_that_is_dropped_does_not_end_the_lead_but_a_late_one_does() -> None:
     odometry = AcceptedOdometry(CONFIG)
-    odometry.begin_laser_lead()
+    odometry.begin_stand_in()
     odometry.follow_laser(SOUND[2].stamp_ns, Pose2())
-    assert not odometry.accept(Odometry(SOUND[0].stamp_ns, Pose2(float("nan"), 0.0, 0.0))).ends_laser_lead
+    assert not odometry.accept(Odometry(SOUND[0].stamp_ns, Pose2(float("nan"), 0.0, 0.0))).ends_stand_in
     late = odometry.accept(SOUND[1])
-    assert (late.dropped, late.ends_laser_lead) == (DropReason.TOO_LATE, True)
+    assert (late.dropped, late.ends_stand_in) == (DropReason.TOO_LATE, True)
 
 
 def test_a_leap_is_told_and_counts_as_no_motion() -> None:

@@ -1,0 +1,65 @@
+"""What leads in place of odometry messages that do not come: the odometry in /tf, or the laser."""
+
+from collections.abc import Iterator
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.events import Event, Warned
+from wayfi.frontends.intake.laser_lead import LaserLead
+from wayfi.frontends.intake.scan_intake import ScanIntake
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.measurements import Sweep
+from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
+from wayfi.frontends.odometry.transform_odometry import TransformOdometry
+
+
+class StandIns:
+    """Begins and ends the leads of the laser and of /tf, whose poses wait in `transforms`; one leads at most."""
+
+    def __init__(self, config: LidarConfig, scans: ScanIntake, odometry: AcceptedOdometry) -> None:
+        self._config, self._scans, self._odometry = config, scans, odometry
+        self.transforms = TransformOdometry()
+        self.transforms_lead = False
+        self._laser: LaserLead | None = None
+
+    @property
+    def laser_leads(self) -> bool:
+        """Whether the laser leads."""
+        return self._laser is not None
+
+    @property
+    def lead(self) -> bool:
+        """Whether either leads."""
+        return self.laser_leads or self.transforms_lead
+
+    def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
+        """Match the next sweep with the laser that leads; returns T_odom_base at `stamp_ns`, the sweep's."""
+        assert self._laser is not None
+        return self._laser.match(stamp_ns, sweep)
+
+    def begin_laser(self, stamp_ns: int) -> Iterator[Event]:
+        """Let the laser lead, if it does not yet."""
+        if self.laser_leads:
+            return
+        self._laser, self.transforms_lead = LaserLead(self._config, self._scans), False
+        self._odometry.begin_stand_in()
+        yield Warned(stamp_ns, "no odometry: the laser leads")
+
+    def begin_laser_anew(self) -> None:
+        """Join the next sweep without motion, if the laser leads: what it has seen so far lies elsewhere."""
+        if self.laser_leads:
+            self._laser = LaserLead(self._config, self._scans)
+            self._odometry.path.restart()
+
+    def begin_transforms(self, stamp_ns: int) -> Iterator[Event]:
+        """Let /tf lead, if it does not yet."""
+        if self.transforms_lead:
+            return
+        self._laser, self.transforms_lead = None, True
+        self._odometry.begin_stand_in()
+        yield Warned(stamp_ns, f"no odometry messages: it is taken from /tf ({self.transforms.named})")
+
+    def end(self, stamp_ns: int) -> Iterator[Event]:
+        """Odometry has come, which ended the lead."""
+        other = "/tf" if self.transforms_lead else "the laser"
+        self._laser, self.transforms_lead = None, False
+        yield Warned(stamp_ns, f"odometry has come: the wheels lead from here on, not {other}")
