@@ -119,7 +119,7 @@ class Pipeline:
         if accepted.ends_stand_in:
             yield from self._stand_ins.end(accepted.stamp_ns)
         if accepted.point:
-            self._stand_ins.transforms.take()
+            self._stand_ins.transforms.restart()
         yield from self._use_odometry(Sensor.ODOM, accepted, m, published)
 
     def _use_odometry(

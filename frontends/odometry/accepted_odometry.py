@@ -81,6 +81,7 @@ class AcceptedOdometry:
         ended = sensor is Sensor.ODOM and self._end_stand_in()
         latest = self.path.latest
         if latest is not None and stamped.stamp_ns <= latest.stamp_ns:
+            self.path.rejoin(m.pose)
             return Accepted(stamped.stamp_ns, None, DropReason.TOO_LATE, stamped.shift_ns, ended)
         plausible = self.path.advance(stamped.stamp_ns, m.pose)
         return Accepted(stamped.stamp_ns, self.path.latest, None, stamped.shift_ns, ended, plausible, m.pose)

@@ -47,7 +47,7 @@ class DrivenPath:
         self._config = config
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
-        self._was_away = False
+        self._restarts = self._was_away = False
         self.leapt_m = self.leapt_rad = 0.0
 
     @property
@@ -64,7 +64,12 @@ class DrivenPath:
 
     def restart(self) -> None:
         """Join the next pose without motion: the source of the odometry has changed."""
-        self._raw = None
+        self._raw, self._restarts = None, True
+
+    def rejoin(self, T_odom_base: Pose2) -> None:
+        """Join the next pose by the motion since this one, which the new source gave for the path's end or before."""
+        if self._restarts:
+            self._raw = T_odom_base
 
     def go_on(self) -> None:
         """Odometry may be missing before the next pose: if it restarted, the robot may have been moved meanwhile."""
@@ -74,7 +79,7 @@ class DrivenPath:
         """A copy that holds the newest point alone."""
         copy = DrivenPath(self._config)
         copy._points.extend(list(self._points)[-1:])
-        copy._raw, copy._was_away = self._raw, self._was_away
+        copy._raw, copy._restarts, copy._was_away = self._raw, self._restarts, self._was_away
         return copy
 
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
@@ -94,7 +99,7 @@ class DrivenPath:
                 discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
             path_m = last.path_m + math.hypot(step.x, step.y)
             point = PathPoint(stamp_ns, last.T_path_base @ step, path_m, discontinuities)
-        self._raw, self._was_away = T_odom_base, False
+        self._raw, self._restarts, self._was_away = T_odom_base, False, False
         self._points.append(point)
         kept_ns = int(self._config.path_s * SECOND_NS)
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:

@@ -40,6 +40,11 @@ class TransformOdometry:
         self._waiting.clear()
         return poses
 
+    def restart(self) -> None:
+        """Wait anew, from the newest pose on: a message has come."""
+        while len(self._waiting) > 1:
+            self._waiting.popleft()
+
     @property
     def waited_ns(self) -> int:
         """From the oldest pose that waits to the newest; a pause between two of them counts for a second at most."""

@@ -68,6 +68,8 @@ def _subscribe(
     handler: Any,  # noqa: ANN401 - see _direct
 ) -> "zenoh.Subscriber[None] | AdvancedSubscriber[None]":
     """A subscriber; for static transforms, which are latched, one that asks for the publishers' history."""
+    if sensor is Sensor.TF:  # without the transform from map to odom that this session publishes
+        return session.declare_subscriber(keys, handler, allowed_origin=zenoh.Locality.REMOTE)
     if sensor is not Sensor.TF_STATIC:
         return session.declare_subscriber(keys, handler)
     history = HistoryConfig(detect_late_publishers=True, max_samples=LATCHED_SAMPLES)

@@ -1,24 +1,27 @@
 """Poses based on earlier estimates, and drives that resume from a checkpoint."""
 
+import math
 import pickle
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wayfi.frontends.events import Dropped, Event, Warned
-from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.measurements import MovingTransforms, Odometry, Sensor, StaticTransform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.ros.codec import decode, encode
+from wayfi.recordings.ros.messages import TF_MESSAGE
 from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds.blueprints import World
@@ -125,6 +128,38 @@ def test_the_black_box_gives_the_same_drive(drive: Recorded) -> None:
         if number == 1500:
             daemon.play(control(ControlKind.AWAY, 1000))
     assert same(played(daemon.blackbox), daemon.replayer.drive.finish())
+
+
+def with_transforms(records: list[Record]) -> Iterator[Record]:
+    """Odometry in /tf all the time, and messages of it now and then."""
+    for number, record in enumerate(records):
+        if record.topic != "/odom":
+            yield record
+            continue
+        odometry = decode(record.data, Sensor.ODOM, Encoding.CDR)
+        assert isinstance(odometry, Odometry)
+        T, half = odometry.pose, 0.5 * odometry.pose.theta
+        pose = StaticTransform("odom", "base_link", (T.x, T.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+        moved = MovingTransforms(odometry.stamp_ns, (pose,), (odometry.stamp_ns,))
+        yield replace(record, topic="/tf", type_name=TF_MESSAGE, data=encode(moved))
+        if number // 500 % 2:
+            yield record
+
+
+def test_the_black_box_gives_the_same_drive_where_tf_leads_now_and_then(drive: Recorded) -> None:
+    daemon = Daemon(37)
+    for number, record in enumerate(with_transforms(drive.records)):
+        daemon.feed(record)
+        if number % 700 == 699:
+            daemon.play(control(ControlKind.CHECKPOINT, number))
+    live = daemon.replayer.drive.finish()
+    assert same(played(daemon.blackbox), live)
+    assert len(live.stamps_ns) > 1150
+    error = absolute_error(Trajectory(live.stamps_ns, live.final), drive.truth).error
+    assert error.ate_rmse_m < 0.05
+    texts = daemon.replayer.drive.counters.warnings
+    assert any("it is taken from /tf" in text for text in texts)
+    assert any("not /tf" in text for text in texts)
 
 
 RESUME = """
