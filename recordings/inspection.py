@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from wayfi.frontends.measurements import SECOND_NS, LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
+from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.mcap.blocks import Record
-from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.discovery import find_topics
@@ -148,7 +148,7 @@ def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) ->
 
     Raises RecordingError if it cannot be opened or has no messages.
     """
-    recording = open_recording(path)
+    recording = open_any_recording(path)
     configured = DEFAULT_TOPICS if topics is None else topics
     sought = find_topics(recording.channels, configured)
     topics = {**configured, **sought.topics}

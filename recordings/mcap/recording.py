@@ -4,28 +4,53 @@ import hashlib
 import heapq
 import re
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
+
+from mcap.records import Attachment
 
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.mcap.index import McapIndex
+from wayfi.recordings.ros.foreign import convert, converted_channel
 from wayfi.recordings.ros.topics import Channel
 
 BLACKBOX_PROFILE = "wayfi-blackbox"
-_BLACKBOX_PATTERN = "blackbox_*.mcap"
+BLACKBOX_PATTERN = "blackbox_*.mcap"
 _HASHED_AT_ONCE_BYTES = 1 << 20
+
+
+class Part(Protocol):
+    """One file of a recording. Nothing of its content makes it raise."""
+
+    path: Path
+    profile: str
+    blocks: list[Block]
+    counts: Counter[Channel]
+    start_ns: int | None
+    end_ns: int | None
+
+    @property
+    def warning(self) -> str | None:
+        """What was found so far to be missing or damaged, in one line."""
+
+    def records(self, block: Block) -> list[Record]:
+        """The messages of `block` in file order."""
+
+    def attachments(self) -> Iterator[Attachment]:
+        """The attachments in file order."""
 
 
 class Recording:
     """The records of `parts`. Iterating reads them block by block, and can be repeated.
 
-    A plain recording is read in log-time order; equal times in the order of the parts and of their files. A daemon's
-    black box is read in the order it was written, which is the order in which its pipeline received the messages.
-    Damaged files are read as far as they are complete.
+    A plain recording is read in log-time order; equal times in the order of the parts and of their files. Messages of
+    ROS 1, and those compressed one by one, come as ROS 2's. A daemon's black box is read as it is, in the order it was
+    written, which is the order in which its pipeline received the messages. What is sound of damaged files is read.
     """
 
-    def __init__(self, path: Path, parts: list[McapIndex], warnings: list[str]) -> None:
+    def __init__(self, path: Path, parts: Sequence[Part], warnings: list[str]) -> None:
         self.path = path
         self._parts = parts
         self._skipped = warnings
@@ -57,7 +82,8 @@ class Recording:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The channels that have messages, sorted."""
-        return tuple(sorted({channel for part in self._parts for channel, count in part.counts.items() if count}))
+        filled = {channel for part in self._parts for channel, count in part.counts.items() if count}
+        return tuple(sorted(filled if self.is_blackbox else map(converted_channel, filled)))
 
     @property
     def message_count(self) -> int:
@@ -95,25 +121,51 @@ class Recording:
     def __iter__(self) -> Iterator[Record]:
         """The records. Raises RecordingError at the end if none could be read."""
         count = 0
-        for record in _in_file_order(self._parts) if self.is_blackbox else _in_log_time_order(self._parts):
+        for record in _in_file_order(self._parts) if self.is_blackbox else self._converted():
             count += 1
             yield record
         if count == 0:
             raise RecordingError(f"{self.path} has no message that can be read: {'; '.join(self.warnings)}")
 
+    def _converted(self) -> Iterator[Record]:
+        known: dict[Channel, Channel] = {}
+        for record in _in_log_time_order(self._parts):
+            channel = record.channel
+            if channel not in known:
+                known[channel] = converted_channel(channel)
+            data = convert(record.data, channel)
+            same = data is record.data and known[channel] == channel
+            yield record if same else Record(*known[channel], record.log_time_ns, data)
+
 
 def open_recording(path: Path) -> Recording:
-    """The recording at `path`: a file, a folder of parts, or a daemon's run folder.
+    """The recording at `path`: an MCAP file, a folder of parts, or a daemon's run folder.
 
     An unreadable part of a folder is skipped with a warning. Raises RecordingError if `path` does not exist, is not
     MCAP, or has no messages.
     """
-    parts: list[McapIndex] = []
-    warnings: list[str] = []
-    files = _files(path)
+    if not path.exists():
+        raise RecordingError(f"{path} does not exist")
+    if not path.is_dir():
+        return recording_of(path, [path], McapIndex)
+    files = list(path.glob(BLACKBOX_PATTERN)) or list(path.glob("*.mcap"))
+    if not files:
+        raise RecordingError(f"{path} is a folder without .mcap files")
+    return recording_of(path, sorted(files, key=natural_order), McapIndex)
+
+
+def recording_of(
+    path: Path, files: Sequence[Path], open_part: Callable[[Path], Part], warnings: Sequence[str] = ()
+) -> Recording:
+    """The recording at `path` of these parts; one of several that cannot be read is skipped with a warning.
+
+    `warnings` are those that hold before. Raises RecordingError if the only one cannot be read, or nothing is in it.
+    """
+    parts: list[Part] = []
+    warnings = list(warnings)
     for file in files:
         try:
-            parts.append(McapIndex(file))
+            parts.append(open_part(file))
         except RecordingError as error:
             if len(files) == 1:
                 raise
@@ -126,29 +178,18 @@ def open_recording(path: Path) -> Recording:
     return Recording(path, parts, warnings)
 
 
-def _files(path: Path) -> list[Path]:
-    if not path.exists():
-        raise RecordingError(f"{path} does not exist")
-    if not path.is_dir():
-        return [path]
-    files = list(path.glob(_BLACKBOX_PATTERN)) or list(path.glob("*.mcap"))
-    if not files:
-        raise RecordingError(f"{path} is a folder without .mcap files")
-    return sorted(files, key=_natural)
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural_order(path: Path) -> list[tuple[int, str]]:
     """A sort key that puts part_2 before part_10."""
     return [(int(text), "") if text.isdecimal() else (-1, text) for text in re.split(r"(\d+)", path.name)]
 
 
-def _in_file_order(parts: list[McapIndex]) -> Iterator[Record]:
+def _in_file_order(parts: Sequence[Part]) -> Iterator[Record]:
     for part in parts:
         for block in part.blocks:
             yield from part.records(block)
 
 
-def _in_log_time_order(parts: list[McapIndex]) -> Iterator[Record]:
+def _in_log_time_order(parts: Sequence[Part]) -> Iterator[Record]:
     """Merge the blocks by log time. Only blocks that overlap in time are in memory together."""
     waiting = deque(sorted(_starts(parts), key=lambda start: start[:3]))
     merging: list[tuple[int, int, int, int, list[Record]]] = []
@@ -162,7 +203,7 @@ def _in_log_time_order(parts: list[McapIndex]) -> Iterator[Record]:
             yield _pop_earliest(merging)
 
 
-def _starts(parts: list[McapIndex]) -> Iterator[tuple[int, int, int, Block]]:
+def _starts(parts: Sequence[Part]) -> Iterator[tuple[int, int, int, Block]]:
     for number, part in enumerate(parts):
         for block in part.blocks:
             yield block.start_ns, number, block.offset, block

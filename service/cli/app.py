@@ -7,7 +7,7 @@ import typer
 
 from wayfi.service.cli.configuration import compile_all, show_config
 from wayfi.service.cli.daemon import run
-from wayfi.service.cli.recordings import demo, inspect, publish, record, replay, simulate
+from wayfi.service.cli.recordings import demo, import_file, inspect, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
 
 app = typer.Typer(
@@ -18,6 +18,7 @@ app = typer.Typer(
 )
 for command in (demo, replay, evaluate, simulate, reproduce, inspect, run, publish, record, view):
     app.command()(command)
+app.command(name="import")(import_file)
 app.command(name="config")(show_config)
 app.command(name="warm-up")(compile_all)
 

@@ -19,7 +19,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on std
 Files = Annotated[list[Path] | None, typer.Option("--config", help="TOML file; later ones win.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="section.key=VALUE, above every file; repeatable.")]
 CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.toml of an earlier drive.")]
-RecordingPath = Annotated[Path, typer.Argument(help="MCAP file, folder of parts, or a daemon's run folder.")]
+RecordingPath = Annotated[
+    Path, typer.Argument(help="MCAP, rosbag2, ROS 1 bag or CARMEN log: file or folder of parts; or a run's.")
+]
 
 
 @contextmanager

@@ -132,6 +132,26 @@ def publish(
         output.result(asdict(summary))
 
 
+def import_file(
+    recording: RecordingPath,
+    out: Annotated[Path, typer.Option(help="MCAP file to write.")],
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Convert a recording of any kind into an MCAP file of ROS 2 messages."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.replay.importing import import_recording
+
+        with output.progress(f"import {recording}") as progress:
+            summary = import_recording(recording, out, progress)
+        output.say(f"{sum(summary.messages.values())} messages: {out}")
+        for type_name, count in summary.left_out.items():
+            output.say(f"left out: {count} of {type_name}, which ROS 2 has otherwise or not at all")
+        for warning in summary.warnings:
+            output.say(f"warning: {warning}")
+        output.result(asdict(summary))
+
+
 def record(
     out: Annotated[Path, typer.Option(help="MCAP file to write.")],
     config: Files = None,

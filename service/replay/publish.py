@@ -10,8 +10,9 @@ from pathlib import Path
 import zenoh
 
 from wayfi.backend.errors import WayfiError
+from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.mcap.blocks import Record
-from wayfi.recordings.mcap.recording import Recording, open_recording
+from wayfi.recordings.mcap.recording import Recording
 from wayfi.recordings.ros.topics import Channel, Encoding, route
 from wayfi.service.config import Config, ZenohConfig
 from wayfi.service.replay.found_topics import with_found_topics
@@ -54,7 +55,7 @@ def publish_recording(
     Returns when they have been received; calls `progress` with the share done, 0 to 1. Raises RecordingError,
     ZenohError or PublishError.
     """
-    recording = open_recording(path)
+    recording = open_any_recording(path)
     config, sought = with_found_topics(config, recording)
     deadline_s = time.monotonic() + WAIT_S
     with ExitStack() as opened:

@@ -9,9 +9,10 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
+from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.calibration_file import parse_calibration, read_calibration
 from wayfi.recordings.log import Log, NullLog
-from wayfi.recordings.mcap.recording import Recording, open_recording
+from wayfi.recordings.mcap.recording import Recording
 from wayfi.recordings.rerun.log_process import LogProcess, Part
 from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG
 from wayfi.service.config import Config, load_config
@@ -49,7 +50,7 @@ def settings_for(
     Raises RecordingError, ConfigError or CalibrationError.
     """
     load_config(files, settings)  # wrong usage is told before a wrong recording
-    recording = open_recording(recording_path)
+    recording = open_any_recording(recording_path)
     kept = recording.attachments() if recording.is_blackbox else {}
     config = load_config(files, settings, kept.get(CONFIG, b"").decode(errors="replace"))
     if calibration_path is not None:
@@ -68,7 +69,7 @@ def replay(
 ) -> dict[str, Any]:
     """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it."""
     start = time.perf_counter()
-    recording = open_recording(recording_path)
+    recording = open_any_recording(recording_path)
     config, sought = with_found_topics(config, recording)
     _make_folder(options.out)
     sha256 = recording.sha256()

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.ros.discovery import find_topics
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS
 from wayfi.recordings.ros.topics import Encoding, route
@@ -14,7 +14,7 @@ Progress = Callable[[float], None]
 
 def sensor_messages(recording_path: Path, progress: Progress) -> Iterator[tuple[Sensor, Encoding, bytes]]:
     """The sensor, encoding and data of each message, in the order of the recording. Raises RecordingError."""
-    recording = open_recording(recording_path)
+    recording = open_any_recording(recording_path)
     topics = {**DEFAULT_TOPICS, **find_topics(recording.channels, DEFAULT_TOPICS).topics}
     total = max(recording.message_count, 1)
     for number, record in enumerate(recording):
