@@ -1,7 +1,8 @@
 """Files that are either whole or absent: written to a temporary file in the same folder, then renamed."""
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -9,10 +10,9 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write or overwrite `path`; a reader never sees a part of `data`. Raises OSError, which names `path`."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
+        with errors_naming(path):
+            temporary.write_bytes(data)
+            temporary.replace(path)
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -21,3 +21,12 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write `text` as UTF-8, line ends unchanged, as `write_bytes` does. Raises OSError."""
     write_bytes(path, text.encode())
+
+
+@contextmanager
+def errors_naming(path: Path) -> Iterator[None]:
+    """An OSError within names `path`: that of a full disk names no file by itself."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error

@@ -1,6 +1,7 @@
 """The main program of a LogProcess: it logs the messages from its standard input until that ends."""
 
 import contextlib
+import os
 import pickle
 import signal
 import sys
@@ -65,4 +66,5 @@ if __name__ == "__main__":
     try:
         _serve()
     except WayfiError as error:
-        sys.exit(str(error))
+        print(error, file=sys.stderr, flush=True)  # noqa: T201 - LogProcess reads it
+        os._exit(1)  # a stream whose file cannot be written would keep the interpreter from ending

@@ -14,6 +14,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
+from wayfi.recordings.files.atomic_files import errors_naming
 from wayfi.recordings.files.tum import write_tum
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.codec import encode
@@ -75,7 +76,7 @@ def simulate(
 def _write(run: Run, received: Iterator[Measurement], path: Path, progress: Callable[[float], None]) -> int:
     """Write the measurements `received` in `run` to `path`; returns their number."""
     count, next_report_ns = 0, EPOCH_NS
-    with McapWriter(path) as writer:
+    with errors_naming(path), McapWriter(path) as writer:
         for measurement in received:
             sensor = _SENSOR_OF[type(measurement)]
             writer.write(

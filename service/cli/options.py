@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wayfi.backend.errors import WayfiError
-from wayfi.service.process.console import Output
+from wayfi.service.process.console import Output, close_stdout
 
 if TYPE_CHECKING:
     from wayfi.frontends.calibration import Calibration
@@ -35,11 +35,14 @@ def command_output(quiet: bool, as_json: bool) -> Iterator[Output]:
 
         output.error(str(error))
         raise typer.Exit(2 if isinstance(error, ConfigError) else 1) from None
+    except BrokenPipeError:  # whoever reads the output has seen enough
+        close_stdout()
+        raise typer.Exit(1) from None
     except OSError as error:
         output.error(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        output.error("interrupted")
+    except KeyboardInterrupt as interrupt:
+        output.error(": ".join(["interrupted", *getattr(interrupt, "__notes__", [])]))
         raise typer.Exit(130) from None
 
 

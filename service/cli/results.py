@@ -17,6 +17,7 @@ def evaluate(
 ) -> None:
     """Score a replay against a reference: ATE, RPE, relations, closures, covariances; with plots."""
     with command_output(quiet, as_json) as output:
+        from wayfi.recordings.files.result_folder import note_of_later_run
         from wayfi.service.cli.summaries import print_evaluation
         from wayfi.service.evaluation.evaluate import evaluate, write_evaluation
         from wayfi.service.evaluation.plots import write_plots
@@ -25,6 +26,8 @@ def evaluate(
         write_evaluation(directory, evaluation)
         write_plots(directory, evaluation)
         print_evaluation(output, directory, evaluation)
+        if note := note_of_later_run(directory):
+            output.say(f"warning: {note}")
 
 
 def reproduce(
@@ -56,7 +59,10 @@ def view(
 ) -> None:
     """Open a drive in the Rerun viewer."""
     with command_output(quiet, as_json) as output:
+        from wayfi.recordings.files.result_folder import note_of_later_run, why_not_whole
         from wayfi.recordings.rerun.viewer import view
 
+        if note := why_not_whole(path) or note_of_later_run(path):
+            output.say(f"warning: {note}")
         view(path, web)
         output.result({"viewed": str(path)})

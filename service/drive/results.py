@@ -1,4 +1,4 @@
-"""Writes the files of a drive: every one always exists, an existing folder is overwritten file by file."""
+"""Writes the files of a drive: every one always exists."""
 
 import hashlib
 import json

@@ -9,6 +9,7 @@ import numpy as np
 
 from wayfi.frontends.events import ClosureKind
 from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.result_folder import ResultError, why_not_whole
 from wayfi.recordings.files.tables import ClosureRow, read_closures
 from wayfi.recordings.files.tum import read_tum, stamp_of
 from wayfi.recordings.trajectory import Trajectory
@@ -73,8 +74,10 @@ def evaluate(directory: Path, truth_path: Path, relations_path: Path | None = No
     """Score trajectory.tum, online.tum and closures.csv of `directory` against `truth_path` (TUM).
 
     Raises TrajectoryError, TableError or ScoringError (all WayfiError) for a file that is missing, malformed or from
-    another time.
+    another time, and ResultError where the run was interrupted.
     """
+    if why := why_not_whole(directory):
+        raise ResultError(why)
     truth = read_tum(truth_path)
     if len(truth) < 2:
         raise ScoringError(f"{truth_path}: a reference needs at least two poses")

@@ -10,10 +10,11 @@ if TYPE_CHECKING:
     from wayfi.backend.errors import WayfiError
     from wayfi.backend.graph.health import State
     from wayfi.backend.pose2 import Pose2
+    from wayfi.recordings.files.result_folder import ResultError
 
     from .arguments import ArgumentError
     from .recorded import replay
-    from .results import Result, ResultError, load_result
+    from .results import Result, load_result
     from .slam import FinishedError, Slam
 
     __version__: str
@@ -37,7 +38,7 @@ _MODULES = {
     "FinishedError": ".slam",
     "Pose2": ".backend.pose2",
     "Result": ".results",
-    "ResultError": ".results",
+    "ResultError": ".recordings.files.result_folder",
     "Slam": ".slam",
     "State": ".backend.graph.health",
     "WayfiError": ".backend.errors",

@@ -9,19 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.files.calibration_file import read_calibration
+from wayfi.recordings.files.result_folder import ResultError, ResultFolder, files_of_a_run, why_not_whole
 from wayfi.recordings.files.tables import ClosureRow, read_closures
 from wayfi.recordings.files.trinary_grid import TrinaryGrid, read_map
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.trajectory import Trajectory
 
 from .arguments import path_of
-
-
-class ResultError(WayfiError):
-    """A folder that no result can be read from, or written to."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,23 +35,26 @@ class Result:
     calibration: Calibration
     report: dict[str, Any]
     _write: Callable[[Path], object] = field(repr=False)
+    _rrd: Path | None = field(repr=False, default=None)  # the Rerun file of this drive, which may lie anywhere
 
     def save(self, directory: str | os.PathLike[str]) -> None:
         """Write the files that `wayfi replay` leaves into `directory`, which is made if need be.
 
-        Raises ResultError where that cannot be written.
+        They take the place of those of another drive at once. Raises ResultError where that cannot be done.
         """
         out = path_of(directory, "directory")
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            self._write(out)
-        except OSError as error:
-            raise ResultError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+        with ResultFolder(out, [self._rrd] if self._rrd else []) as folder:
+            self._write(folder.staged)
 
 
 def load_result(directory: str | os.PathLike[str]) -> Result:
-    """The result in the folder of a replay or of `save`. Raises WayfiError where a file is missing or is another."""
+    """The result in the folder of a replay or of `save`.
+
+    Raises WayfiError where a file is missing or is another, and where the run was interrupted.
+    """
     folder = path_of(directory, "directory")
+    if why := why_not_whole(folder):
+        raise ResultError(why)
     return Result(
         read_tum(folder / "trajectory.tum", may_be_empty=True),
         read_tum(folder / "online.tum", may_be_empty=True),
@@ -68,8 +67,10 @@ def load_result(directory: str | os.PathLike[str]) -> Result:
 
 
 def _copy(folder: Path, out: Path) -> None:
-    if not out.samefile(folder):
-        shutil.copytree(folder, out, dirs_exist_ok=True)
+    for file in files_of_a_run(folder):
+        copied = out / file.relative_to(folder)
+        copied.parent.mkdir(exist_ok=True)
+        shutil.copyfile(file, copied)
 
 
 def _read_report(path: Path) -> dict[str, Any]:

@@ -65,7 +65,8 @@ class Slam:
         """
         configured = load_config(files_of(config), settings_of(config, settings))
         prior = None if calibration is None else read_calibration(arguments.path_of(calibration, "calibration"))
-        self._rrd = None if rrd is None else RerunFile(configured.rerun, arguments.path_of(rrd, "rrd"))
+        self._rrd_path = None if rrd is None else arguments.path_of(rrd, "rrd")
+        self._rrd = None if self._rrd_path is None else RerunFile(configured.rerun, self._rrd_path)
         compile_first()
         self._drive = Drive(configured, prior, self._rrd or NullLog())
         self._swept: set[str] = set()  # the frames that scans came from
@@ -178,6 +179,7 @@ class Slam:
             ended.calibration,
             report_of(drive, source),
             partial(write_results, drive=drive, estimate=ended, source=source),
+            self._rrd_path,
         )
 
     def _add_sweep(self, stream: str, sensor: Sensor, sweep: Sweep) -> list[Event]:

@@ -1,6 +1,8 @@
 """The output of a command: progress and errors on stderr, its result on stdout, as text or as one JSON object."""
 
 import json
+import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -59,9 +61,17 @@ class Output:
     def result(self, value: Mapping[str, Any]) -> None:
         """The command's result, where --json asks for it."""
         if self.as_json:
-            print(json.dumps(value))  # noqa: T201 - stdout is the interface
+            print(json.dumps(value), flush=True)  # noqa: T201 - stdout is the interface
 
     def error(self, text: str) -> None:
         """One line that says what is wrong."""
         self._err.print(f"wayfi: {text}", markup=False, soft_wrap=True)
-        self.result({"error": text})
+        try:
+            self.result({"error": text})
+        except OSError:
+            close_stdout()
+
+
+def close_stdout() -> None:
+    """Discard what is still to be printed: standard output cannot be written, and Python would fail at its exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -13,12 +13,11 @@ _YEAR_S = 365.25 * 86_400.0
 class PlaybackRate:
     """Holds messages back to `rate` times the time between their log times; None does not.
 
-    A gap between log times of more than `LONGEST_GAP_NS` is not waited for. No wait goes on once `stopped` says so.
+    A gap between log times of more than `LONGEST_GAP_NS` is not waited for.
     """
 
-    def __init__(self, rate: float | None, stopped: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, rate: float | None) -> None:
         self._rate = rate
-        self._stopped = stopped
         self._start: tuple[float, int] | None = None
         self._latest_ns = 0
         self._gaps: list[tuple[int, int]] = []
@@ -38,8 +37,8 @@ class PlaybackRate:
         gap = f"a gap of {_duration_text(length_ns / SECOND_NS)} behind log time {at_ns / SECOND_NS:.1f} s"
         return [f"the recording has {gap}{others}; a playback rate does not wait for it"]
 
-    def wait_for(self, log_time_ns: int) -> None:
-        """Sleep until a message of this log time is due."""
+    def wait_for(self, log_time_ns: int, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Sleep until a message of this log time is due, or `stopped` says that the wait is to end."""
         step_ns = 0 if self._start is None else log_time_ns - self._latest_ns
         if step_ns > LONGEST_GAP_NS:
             self._gaps.append((self._latest_ns, step_ns))
@@ -47,11 +46,12 @@ class PlaybackRate:
             self._start = (time.monotonic(), log_time_ns)
         self._latest_ns = log_time_ns
         if self._rate is not None:
-            self._wait_until(self._start[0] + (log_time_ns - self._start[1]) / SECOND_NS / self._rate)
+            _wait_until(self._start[0] + (log_time_ns - self._start[1]) / SECOND_NS / self._rate, stopped)
 
-    def _wait_until(self, due: float) -> None:
-        while (remaining_s := due - time.monotonic()) > 0 and not self._stopped():
-            time.sleep(min(remaining_s, WAIT_AT_ONCE_S))
+
+def _wait_until(due: float, stopped: Callable[[], bool]) -> None:
+    while (remaining_s := due - time.monotonic()) > 0 and not stopped():
+        time.sleep(min(remaining_s, WAIT_AT_ONCE_S))
 
 
 def _duration_text(seconds: float) -> str:

@@ -9,9 +9,12 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.calibration_file import parse_calibration, read_calibration
+from wayfi.recordings.files.result_folder import ResultFolder
 from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.recordings.mcap.recording import Recording
 from wayfi.recordings.rerun.log_process import LogProcess, Part
 from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG
@@ -67,31 +70,45 @@ def replay(
     options: ReplayOptions,
     progress: Progress = lambda _: None,
 ) -> dict[str, Any]:
-    """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it."""
+    """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it.
+
+    The results in `options.out` are either all of this replay or, where it raises, those that were there before. Raises
+    ResultError where they cannot be written.
+    """
     start = time.perf_counter()
     recording = open_any_recording(recording_path)
     config, sought = with_found_topics(config, recording)
-    _make_folder(options.out)
-    sha256 = recording.sha256()
-    log = _open_log(config, options, sha256[:16])
-    replayer = _replayer(recording, config, calibration, log)
+    with _result_folder(options.out, recording) as folder:
+        sha256 = recording.sha256()
+        replayer = _replayer(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
+        playback = PlaybackRate(options.rate)
+        result = _run(recording, replayer, playback, progress)
+        if len(result.stamps_ns) == 0:
+            raise ReplayError(_nothing_usable(recording_path, replayer.drive, sought, replayer.unused))
+        warnings = recording.warnings + sought + playback.warnings
+        warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
+        source = Source(time.perf_counter() - start, recording.duration_s - playback.skipped_s, sha256, warnings)
+        return write_results(folder.staged, replayer.drive, result, source)
+
+
+def _result_folder(out: Path, recording: Recording) -> ResultFolder:
+    """The folder of the results. Raises ReplayError where that is the folder of another recording's run."""
+    if parts_of(out, BLACKBOX) and out.resolve() not in {path.resolve().parent for path in recording.paths}:
+        raise ReplayError(f"{out}: holds the black box of another run; name another folder")
+    return ResultFolder(out, recording.paths)
+
+
+def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progress: Progress) -> DriveEstimate:
+    """Play all of the recording; returns the result. The log is closed whatever happens: it holds what led there."""
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
             warm_up()  # else the first tenth of the drive would pay for what is loaded once
             with loaded_objects_left_alone():
-                playback = PlaybackRate(options.rate, lambda: stop.requested)
                 _play_all(recording, replayer, playback, progress, stop)
-        drive = replayer.drive
-        result = drive.finish()
+        return replayer.drive.finish()
     except BaseException:
-        log.close()  # it still holds what led here
+        replayer.drive.log.close()
         raise
-    if len(result.stamps_ns) == 0:
-        raise ReplayError(_nothing_usable(recording_path, drive, sought, replayer.unused))
-    warnings = recording.warnings + sought + playback.warnings
-    warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
-    source = Source(time.perf_counter() - start, recording.duration_s - playback.skipped_s, sha256, warnings)
-    return write_results(options.out, drive, result, source)
 
 
 def _replayer(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
@@ -105,7 +122,7 @@ def _play_all(
 ) -> None:
     total = max(recording.message_count, 1)
     for number, record in enumerate(recording):
-        playback.wait_for(record.log_time_ns)
+        playback.wait_for(record.log_time_ns, lambda: stop.requested)
         if stop.requested:
             raise KeyboardInterrupt
         replayer.play(record)
@@ -114,17 +131,10 @@ def _play_all(
     progress(1.0)
 
 
-def _open_log(config: Config, options: ReplayOptions, recording_id: str) -> Log:
-    if options.rrd and config.rerun.enabled:
-        return LogProcess(Part(config.rerun, options.out / "session.rrd", recording_id))
+def _open_log(config: Config, rrd: bool, path: Path, recording_id: str) -> Log:
+    if rrd and config.rerun.enabled:
+        return LogProcess(Part(config.rerun, path, recording_id))
     return NullLog()
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ReplayError(f"{out}: cannot be made: {error.strerror}") from None
 
 
 def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[str, str]) -> str:

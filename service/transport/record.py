@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from wayfi.frontends.measurements import SECOND_NS, Sensor
+from wayfi.recordings.files.atomic_files import errors_naming
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
 from wayfi.service.config import Config
@@ -31,15 +32,16 @@ class RecordSummary:
 def record_topics(out: Path, config: Config) -> RecordSummary:
     """Write the sensors' messages to `out` until SIGINT or SIGTERM; a log time is when the message was received.
 
-    Raises ZenohError where the connection is refused, RecordingError where `out` cannot be written.
+    Raises ZenohError where the connection is refused, RecordingError or OSError where `out` cannot be written.
     """
+    _require_writable(out)
 
     def may_come(error: UnreachableError) -> bool:
         return not isinstance(error, RefusedError) and not stop.requested
 
     topics = config.recording.topics
     inbox = MessageQueue[Received](dict.fromkeys(Sensor, LIMIT))
-    with StopSignal() as stop, ExitStack() as opened:
+    with errors_naming(out), StopSignal() as stop, ExitStack() as opened:
         connect = partial(open_guest_session, config.zenoh)
         session = opened.enter_context(open_with_retries(connect, may_come))
         writer = opened.enter_context(McapWriter(out))
@@ -51,6 +53,14 @@ def record_topics(out: Path, config: Config) -> RecordSummary:
             recorder.write(received)
     dropped = {topics[sensor]: reasons for sensor, reasons in inbox.dropped().items()}
     return RecordSummary(recorder.messages, dropped)
+
+
+def _require_writable(path: Path) -> None:
+    """Raise OSError now, not after the connection, where `path` cannot be written; a file there stays as it is."""
+    is_new = not path.exists()
+    path.open("ab").close()
+    if is_new:
+        path.unlink()
 
 
 class _RecordingWriter:

@@ -1,19 +1,25 @@
 """Messages are held back to the time between them; what no robot pauses for is not waited for, and is told."""
 
 import time
+from collections.abc import Callable
 
 import pytest
 
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.service.replay.playback_rate import PlaybackRate
 
+STOPPED_AFTER_S = 0.2
 EPOCH_NS = 1_700_000_000 * SECOND_NS
 
 
-def played_s(playback: PlaybackRate, *log_times_s: float) -> float:
+def never() -> bool:
+    return False
+
+
+def played_s(playback: PlaybackRate, *log_times_s: float, stopped: Callable[[], bool] = never) -> float:
     begun = time.monotonic()
     for log_time_s in log_times_s:
-        playback.wait_for(round(log_time_s * SECOND_NS))
+        playback.wait_for(round(log_time_s * SECOND_NS), stopped)
     return time.monotonic() - begun
 
 
@@ -46,5 +52,4 @@ def test_a_leap_back_is_no_reason_to_hurry() -> None:
 
 def test_a_wait_ends_when_it_is_stopped() -> None:
     begun = time.monotonic()
-    stopped_after_s = 0.2
-    assert played_s(PlaybackRate(0.1, lambda: time.monotonic() - begun > stopped_after_s), 0.0, 50.0) < 0.5
+    assert played_s(PlaybackRate(0.1), 0.0, 50.0, stopped=lambda: time.monotonic() - begun > STOPPED_AFTER_S) < 0.5

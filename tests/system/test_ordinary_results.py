@@ -1,0 +1,213 @@
+"""Replays into folders that hold something already, and what does not get to its end or cannot be written."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from drives import RESULT_FILES, Simulated, cli, run, write
+
+import wayfi
+from wayfi.recordings.files.result_folder import EVALUATION, RESULTS
+from wayfi.recordings.files.tum import write_tum
+
+SETTINGS = ["wifi.enabled=false", "lidar.enabled=false"]  # another run's results, sooner made
+
+
+@pytest.fixture(scope="module")
+def recording(minute: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    first = [a for a in minute.arrivals if a.second <= 20.0]
+    return write(tmp_path_factory.mktemp("recording") / "recording.mcap", first)
+
+
+@pytest.fixture(scope="module")
+def truth(minute: Simulated, recording: Path) -> Path:
+    path = recording.with_name("truth.tum")
+    write_tum(path, minute.truth.stamps_ns, minute.truth.poses)
+    return path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files of a folder, without what a later run left in `partial`."""
+    files = {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    return {name: data for name, data in files.items() if not name.startswith("partial/")}
+
+
+def test_a_replay_knows_every_file_that_it_writes(recording: Path, tmp_path: Path) -> None:
+    run(recording, tmp_path, *SETTINGS, rrd=True)
+    assert set(contents(tmp_path)) == set(RESULTS)
+    assert {name for name in RESULTS if "/" not in name} == set(RESULT_FILES)
+
+
+def test_a_replay_leaves_nothing_of_another_run_and_all_that_is_not_wayfis(
+    recording: Path, truth: Path, tmp_path: Path
+) -> None:
+    out, fresh = tmp_path / "out", tmp_path / "fresh"
+    run(recording, out, *SETTINGS, rrd=True)
+    assert cli("evaluate", out, "--truth", truth).returncode == 0
+    assert set(contents(out)) == {*RESULTS, *EVALUATION}
+    (out / "notes.md").write_text("the day with the open doors")
+    (out / "recording.mcap").write_bytes(recording.read_bytes())
+    run(out / "recording.mcap", out, "lidar.enabled=false")
+    run(recording, fresh, "lidar.enabled=false")
+    left = contents(out)
+    assert left.pop("notes.md") == b"the day with the open doors"
+    assert left.pop("recording.mcap") == recording.read_bytes()
+    assert set(left) == set(RESULTS) - {"session.rrd"}
+    assert {n: d for n, d in left.items() if n != "report.json"} == {
+        n: d for n, d in contents(fresh).items() if n != "report.json"
+    }
+
+
+def interrupted(recording: Path, out: Path, sent: signal.Signals, *options: str) -> "subprocess.CompletedProcess[str]":
+    """A replay, interrupted when it is under way."""
+    command = [sys.executable, "-m", "wayfi.service.cli", "replay", str(recording), "--out", str(out), "--rate", "5"]
+    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not (out / "partial").is_dir():
+            time.sleep(0.02)
+        time.sleep(2.5)
+        process.send_signal(sent)
+        said, error = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, said, error)
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -9)])
+def test_an_interrupted_replay_leaves_the_earlier_results_as_they_were(
+    sent: signal.Signals, code: int, recording: Path, truth: Path, tmp_path: Path
+) -> None:
+    run(recording, tmp_path, *SETTINGS, rrd=True)
+    before = contents(tmp_path)
+    done = interrupted(recording, tmp_path, sent)
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
+    if sent != signal.SIGKILL:
+        assert done.stderr == f"wayfi: interrupted: {tmp_path} keeps the results it had\n"
+    assert contents(tmp_path) == before
+    assert len(wayfi.load_result(tmp_path).trajectory) == 201
+    if sent == signal.SIGINT:
+        assert "a later run into it was interrupted" in cli("evaluate", tmp_path, "--truth", truth).stdout
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_first_replay_is_told_as_partial(
+    sent: signal.Signals, recording: Path, truth: Path, tmp_path: Path
+) -> None:
+    done = interrupted(recording, tmp_path, sent)
+    assert done.returncode in (130, -9)
+    evaluated = cli("evaluate", tmp_path, "--truth", truth)
+    assert (evaluated.returncode, len(evaluated.stderr.splitlines())) == (1, 1)
+    assert "holds only part of a run that was interrupted" in evaluated.stderr
+    with pytest.raises(wayfi.WayfiError, match="only part of a run"):
+        wayfi.load_result(tmp_path)
+    run(recording, tmp_path, *SETTINGS)
+    assert set(contents(tmp_path)) == set(RESULTS) - {"session.rrd"}
+
+
+def small_files(size: int) -> Callable[[], None]:
+    """Limits the size of a file that a process may write: then writing fails as on a full disk."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return limit
+
+
+def limited(size: int, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    """`wayfi` that cannot write files larger than `size` bytes."""
+    command = [sys.executable, "-m", "wayfi.service.cli", *map(str, arguments)]
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        command, preexec_fn=small_files(size), capture_output=True, text=True, env=environment, timeout=90, check=False
+    )
+
+
+def assert_one_line(done: "subprocess.CompletedProcess[str]", named: str) -> None:
+    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1), done.stderr
+    assert named in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("size", "option", "named"),
+    [
+        (9_000, "--no-rrd", "partial/trajectory.tum: File too large"),
+        (9_000, "--quiet", "cannot write the log"),
+    ],
+)
+def test_a_replay_that_cannot_write_says_so_and_leaves_the_earlier_results(
+    size: int, option: str, named: str, recording: Path, tmp_path: Path
+) -> None:
+    run(recording, tmp_path, *SETTINGS)
+    before = contents(tmp_path)
+    assert_one_line(limited(size, "replay", recording, "--out", tmp_path, "--quiet", option), named)
+    assert contents(tmp_path) == before
+
+
+def test_commands_that_cannot_write_say_which_file(recording: Path, truth: Path, tmp_path: Path) -> None:
+    simulated = ["--minutes", "0.5", "--quiet"]
+    assert_one_line(limited(90_000, "simulate", "office", "--out", tmp_path / "a", *simulated), "recording.mcap")
+    assert_one_line(limited(90_000, "demo", "--out", tmp_path / "b", *simulated), "recording.mcap")
+    run(recording, tmp_path / "out", *SETTINGS)
+    assert_one_line(limited(900, "evaluate", tmp_path / "out", "--truth", truth, "--quiet"), "evaluation.json")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["simulate", "office", "--minutes", "0.2", "--out", "FILE"],
+        ["simulate", "office", "--minutes", "0.2", "--out", "/proc/nowhere"],
+        ["demo", "--minutes", "0.5", "--out", "FILE/demo"],
+        ["record", "--out", "FOLDER"],
+        ["record", "--out", "FILE/recording.mcap"],
+        ["record", "--out", "/proc/recording.mcap"],
+        ["replay", "RECORDING", "--out", "RECORDING"],
+        ["replay", "RECORDING", "--out", "/proc/nowhere"],
+        ["replay", "FOLDER", "--out", "FOLDER/out"],
+        ["inspect", "FOLDER"],
+        ["inspect", "/dev/null"],
+        ["reproduce", "--recording", "RECORDING", "--truth", "TRUTH", "--out", "FILE"],
+        ["evaluate", "FILE", "--truth", "TRUTH"],
+        ["evaluate", "FOLDER", "--truth", "TRUTH"],
+        ["evaluate", "FOLDER", "--truth", "FOLDER"],
+        ["evaluate", "FOLDER", "--truth", "nowhere.tum"],
+        ["evaluate", "FOLDER", "--truth", "/dev/null"],
+        ["evaluate", "FOLDER", "--truth", "RECORDING"],
+        ["view", "FOLDER"],
+        ["view", "FILE"],
+    ],
+    ids=" ".join,
+)
+def test_an_odd_place_is_told_in_one_line(arguments: list[str], recording: Path, truth: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    places = {"FILE": tmp_path / "file", "FOLDER": tmp_path / "folder", "RECORDING": recording, "TRUTH": truth}
+    for name, place in places.items():
+        arguments = [word.replace(name, str(place)) for word in arguments]
+    before = recording.read_bytes()
+    done = cli(*arguments, "--quiet")
+    assert_one_line(done, "wayfi: ")
+    assert (tmp_path / "file").read_text() == "mine"
+    assert recording.read_bytes() == before
+
+
+@pytest.mark.parametrize("arguments", [["inspect", "RECORDING"], ["inspect", "RECORDING", "--json"], ["config"]])
+def test_a_reader_that_has_seen_enough_gives_no_traceback(arguments: list[str], recording: Path) -> None:
+    words = [str(recording) if word == "RECORDING" else word for word in arguments]
+    command = [sys.executable, "-m", "wayfi.service.cli", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.stderr is not None
+        said = process.stderr.read()
+    assert said == ""
+
+
+def test_the_folder_of_another_black_box_is_refused(recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "blackbox_0001.mcap").write_bytes(recording.read_bytes())
+    with pytest.raises(wayfi.WayfiError, match="black box of another run"):
+        run(recording, tmp_path)
+    assert os.listdir(tmp_path) == ["blackbox_0001.mcap"]
