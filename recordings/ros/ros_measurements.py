@@ -114,6 +114,8 @@ def _read_laser_scan(message: Message) -> LaserScan:
         message.range_min,
         message.range_max,
         message.time_increment,
+        message.angle_max,
+        message.scan_time,
     )
 
 
