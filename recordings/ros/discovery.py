@@ -49,7 +49,7 @@ def find_topics(channels: Iterable[Channel], configured: Topics) -> FoundTopics:
 
 def _choice(sensor: Sensor, topic: str, fitting: list[str]) -> str:
     settings = " or ".join(f"--set recording.{sensor}={each}" for each in fitting)
-    if sensor is Sensor.SCAN:
+    if sensor is Sensor.SCAN and len(fitting) > 1:
         together = ", ".join(f'"{each}"' for each in fitting)
         settings += f", or to use them together --set 'recording.{sensor}=[{together}]'"
     return f"nothing can be read on {topic} (recording.{sensor}); give {settings}"

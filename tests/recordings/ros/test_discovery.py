@@ -22,7 +22,7 @@ def test_of_several_none_is_chosen_and_the_settings_are_named() -> None:
     assert sought.topics == {}
     (line,) = sought.warnings
     settings = "give --set recording.scan=/front/scan or --set recording.scan=/rear/scan"
-    assert line.endswith(f"{settings}, or to use them together --set 'recording.scan=[\"/front/scan\", \"/rear/scan\"]'")
+    assert line.endswith(f'{settings}, or to use them together --set \'recording.scan=["/front/scan", "/rear/scan"]\'')
 
 
 def test_a_topic_that_was_asked_for_is_not_replaced() -> None:
