@@ -84,7 +84,7 @@ class ScanIntake:
         if used is None:
             return None
         sees = self._sees_anything(used)
-        yield from self._use.add_sweep(stamp_ns, laser.name, used, sees)
+        yield from self._use.add_sweep(stamp_ns, laser.name, sweep, sees)
         if not sees:
             yield dropped(sweep, stamp_ns, DropReason.NO_RETURN)
             return None

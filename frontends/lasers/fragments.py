@@ -16,7 +16,7 @@ from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS, LaserScan
 MOST_SHARE = 0.9  # of a turn: a larger scan is none of its fragments
 MOST_BEAMS = 50_000  # of a turn, to bound memory
 OFF_BEAMS = 1.5  # that a fragment may begin beside the end of the one before
-WALKED, MOST_WALKED = 2, 4  # steps in a row, less those that did not walk on, from which scans are fragments
+WALKED, MOST_WALKED = 2, 4  # steps, less those that did not walk on, from which scans are fragments
 LONGEST_TURN_NS = SECOND_NS  # from the first to the last fragment; what comes later begins another turn
 
 
@@ -26,6 +26,7 @@ class Fragments:
     def __init__(self) -> None:
         self._walked = 0
         self._before: LaserScan | None = None
+        self._begin: LaserScan | None = None  # where the walk began
         self._turn: list[tuple[int, LaserScan]] = []  # each with the number of its first beam in the turn
 
     @property
@@ -35,11 +36,15 @@ class Fragments:
 
     def add(self, scan: LaserScan) -> list[LaserScan]:
         """Add the next scan; returns those that are complete by it."""
-        self._walked = max(0, min(MOST_WALKED, self._walked + (1 if self._walks_on(scan) else -1)))
+        walks_on = self._walks_on(scan)
+        returns = not walks_on and self._returns(scan)
+        self._walked = max(0, min(MOST_WALKED, self._walked + (1 if walks_on or returns else -1)))
+        if not walks_on:
+            self._begin = scan
         self._before = scan
         if not self.joins:
             return [*self.finish(), scan]
-        out = [] if self._continues(scan) else self.finish()
+        out = self.finish() if returns or not self._continues(scan) else []
         self._turn.append((self._first_beam(scan), scan))
         return out + (self.finish() if self._is_complete() else [])
 
@@ -50,10 +55,16 @@ class Fragments:
 
     def _walks_on(self, scan: LaserScan) -> bool:
         before = self._before
-        if before is None or not 0 < _view(before) < MOST_SHARE * TURN_RAD or not _view(scan) < MOST_SHARE * TURN_RAD:
+        if before is None or not (_is_part(before) and _is_part(scan)):
             return False
-        end = before.angle_min + len(before.ranges) * before.angle_increment
-        return abs(wrap(scan.angle_min - end)) <= OFF_BEAMS * abs(before.angle_increment)
+        return _is_near(scan.angle_min, before.angle_min + len(before.ranges) * before.angle_increment, before)
+
+    def _returns(self, scan: LaserScan) -> bool:
+        """Whether a scan begins where the walk began, after it went on from there."""
+        before, begin = self._before, self._begin
+        if before is None or begin is None or before is begin or not _is_part(scan):
+            return False
+        return _is_near(scan.angle_min, begin.angle_min, begin)
 
     def _first_beam(self, scan: LaserScan) -> int:
         """The number of a scan's first beam in the turn that waits; 0 where none does."""
@@ -78,8 +89,14 @@ class Fragments:
         return begin + len(last.ranges) >= _beams_of_turn(self._turn[0][1]) - OFF_BEAMS
 
 
-def _view(scan: LaserScan) -> float:
-    return abs(scan.angle_increment) * len(scan.ranges)
+def _is_part(scan: LaserScan) -> bool:
+    """Whether a scan may be part of a turn, and is not nearly all of it."""
+    return 0 < abs(scan.angle_increment) * len(scan.ranges) < MOST_SHARE * TURN_RAD
+
+
+def _is_near(a: float, b: float, scan: LaserScan) -> bool:
+    """Whether two bearings are the same, give or take a beam of a scan and whole turns."""
+    return abs(wrap(a - b)) <= OFF_BEAMS * abs(scan.angle_increment)
 
 
 def _beams_of_turn(scan: LaserScan) -> int:

@@ -35,7 +35,7 @@ class SweepTime:
         if between_s is None or sweep_s <= LONGER * between_s:
             return scan, ""
         expected_s = between_s * min(abs(scan.angle_increment) * len(scan.ranges) / TURN_RAD, 1.0)
-        used_s, why = _believed(scan, expected_s)
+        used_s, why = _believed(scan, expected_s, LONGER * between_s)
         text = (
             f"a time_increment of {scan.time_increment_s:g} s makes a sweep of {sweep_s:.2g} s, with {between_s:.2g} s"
         )
@@ -50,12 +50,12 @@ class SweepTime:
         return stated_s if stated_s is not None and 0.0 < stated_s < math.inf else None
 
 
-def _believed(scan: LaserScan, expected_s: float) -> tuple[float, str]:
-    """How long the sweep took, s, and what the time increment seems to be."""
+def _believed(scan: LaserScan, expected_s: float, most_s: float) -> tuple[float, str]:
+    """How long the sweep took, about `expected_s` and not over `most_s`, and what the time increment seems to be."""
     beams, stated = len(scan.ranges), scan.time_increment_s
-    if NEAR * expected_s <= stated <= LONGER * expected_s:
+    if NEAR * expected_s <= stated <= most_s:
         return stated, "it is the whole sweep's, and "
     for unit, seconds in UNITS.items():
-        if NEAR * expected_s <= stated * beams * seconds <= LONGER * expected_s:
+        if NEAR * expected_s <= stated * beams * seconds <= most_s:
             return stated * beams * seconds, f"it is in {unit}, and "
     return expected_s, ""
