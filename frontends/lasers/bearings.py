@@ -59,10 +59,10 @@ def bearings_of(scan: LaserScan) -> Bearings:
 
 
 def _in_degrees(start: float, step: float, end: float | None, beams: int) -> bool:
-    """Whether bearings that are too large for radians are in degrees, not in radians and of more than one turn."""
-    if end is None or abs(step) * beams <= LARGEST_RAD:
+    """Whether bearings that are large for radians are in degrees; radians may begin anywhere and go on for a turn."""
+    if end is None:
         return True
-    return abs(start + (beams - 1) * step - end) > _spare_rad(step, beams) or abs(end - start) > LEAST_DEGREES
+    return abs(end - start) > LEAST_DEGREES or not abs(start + (beams - 1) * step - end) <= _spare_rad(step, beams)
 
 
 def _with_step(start: float, step: float, end: float | None, beams: int, degrees: str) -> Bearings:
