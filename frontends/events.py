@@ -45,6 +45,7 @@ class DropReason(StrEnum):
     INTERNAL_ERROR = "internal_error"
     SENSOR_OFF = "sensor_off"
     OTHER_LASER = "another_laser_is_used"
+    IMPOSSIBLE_SCAN = "impossible_scan"
 
 
 class ClosureKind(StrEnum):
@@ -211,11 +212,12 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A measurement, or a reading of a WiFi scan, that was not used."""
+    """A measurement, or a reading of a WiFi scan, that was not used; `topic` is a scan's own, empty where unknown."""
 
     sensor: Sensor
     stamp_ns: int
     reason: DropReason
+    topic: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,9 @@ class LaserScan:
     """One LiDAR sweep: `ranges` (n,) float32 in m, beam i at `angle_min + i * angle_increment`.
 
     `stamp_ns` is the first beam's; beam i is `i * time_increment_s` later (0: unknown). Ranges that are not finite or
-    lie outside [range_min_m, range_max_m] are no return.
+    lie outside [range_min_m, range_max_m] are no return. `angle_max` and `scan_time_s` are what the driver says of the
+    last beam's bearing and of the time between scans, None where nobody says it; none of the numbers is checked.
+    `topic` is the one that the scan came on, empty where that is not known.
     """
 
     stamp_ns: int
@@ -56,6 +58,9 @@ class LaserScan:
     range_min_m: float
     range_max_m: float
     time_increment_s: float = 0.0
+    angle_max: float | None = None
+    scan_time_s: float | None = None
+    topic: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,14 +1,15 @@
 """The stream: process(measurement) -> [events]. A pure function of what it is fed; it reads no clock."""
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
-from wayfi.frontends.intake.scan_intake import ScanIntake, sensor_of
+from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
 from wayfi.frontends.intake.stand_ins import StandIns
+from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.lidar.doubt import stands
@@ -77,6 +78,7 @@ class Pipeline:
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
         events = list(self._lead_by_transforms(self.stamp_ns)) if self._path.latest is None else []
+        events += [event for sweep in self._scans.unfinished() for event in self._add_sweep(sweep)]
         events += self._use_scans(last=True)
         events += self._use_last_scans(self._scans.queue.waiting())
         events += self._use_wifi(self._wifi.finish())
@@ -164,14 +166,19 @@ class Pipeline:
             yield from self._slam.add_keyframe(point, None)
 
     def _process_scan(self, m: Sweep) -> Iterator[Event]:
-        sensor = sensor_of(m)
         if not self._config.lidar.enabled:
-            yield Dropped(sensor, m.stamp_ns, DropReason.SENSOR_OFF)
+            yield dropped(m, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        stamp_ns = yield from self._stamp(sensor, m.stamp_ns)
-        if stamp_ns is None:
+        for sweep in (yield from self._scans.receive(self.stamp_ns or m.stamp_ns, m)):
+            yield from self._add_sweep(sweep)
+
+    def _add_sweep(self, sweep: Sweep) -> Iterator[Event]:
+        stamped = self._odometry.time.accept(self._scans.laser_of(sweep).stream, sweep.stamp_ns)
+        yield from self._warn_of_shift(stamped.stamp_ns, stamped.shift_ns)
+        if stamped.dropped:
+            yield dropped(sweep, stamped.stamp_ns, stamped.dropped)
             return
-        shifted_ns = yield from self._scans.add(stamp_ns, m, self._path.latest)
+        shifted_ns = yield from self._scans.add(stamped.stamp_ns, sweep, self._path.latest)
         if shifted_ns is None:
             return
         yield from self._use_scans()
@@ -192,18 +199,17 @@ class Pipeline:
         yield from self._stand_ins.begin_laser(stamp_ns)
         yield from self._wifi.compare(stamp_ns)
         for scan_ns, scan in self._scans.queue.waiting():
-            latest = self._path.latest
-            if latest is not None and scan_ns <= latest.stamp_ns:
-                continue
-            T_odom_base = self._stand_ins.match(scan_ns, scan)
-            yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base))
+            latest, leads = self._path.latest, self._stand_ins.follow(scan_ns, scan)
+            if leads and (latest is None or scan_ns > latest.stamp_ns):
+                T_odom_base = self._stand_ins.match(scan_ns, scan)
+                yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""
         if waiting and (self._stand_ins.laser_leads or self._path.latest is None):
             yield from self._lead_by_laser(waiting[-1][0])
         else:
-            yield from (Dropped(sensor_of(scan), scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
+            yield from (dropped(scan, scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _process_transforms(self, m: StaticTransforms | MovingTransforms) -> Iterator[Event]:
         yield from self._scans.mounts.learn(m)
@@ -225,41 +231,40 @@ class Pipeline:
         """Use the scans that the path covers; at the `last` even those that wait for their mount."""
         if self._scans.awaits_mount(self._await_mount_ns) and not last:
             return
-        for point, scan in self._scans.queue.ready(self._path):
-            self._scans.mounts.settle(scan.frame_id)
-            if point is None:
-                yield Dropped(sensor_of(scan), scan.stamp_ns, DropReason.TOO_LATE)
+        for sweeps in self._scans.ready(self._path):
+            if not isinstance(sweeps, SweepSet):
+                yield sweeps
                 continue
-            first = self._last_scan_path_m == -np.inf
+            point, first = sweeps.point, self._last_scan_path_m == -np.inf
             self._last_scan_path_m = point.path_m
             motion = self._slam.motion_to(point)
             due = keyframe_due(motion, self._config.odometry, self._slam.steps.keyframe_factor())
             if motion.seconds < 0:
                 continue
             if first or due:
-                yield from self._scans.mounts.warn_of_unknown(scan)
-                self._seen = point
-                yield from self._slam.add_keyframe(point, self._place(point, scan))
+                self._seen, placed = point, self._place(sweeps)
+                yield from self._scans.judge(sweeps, placed)
+                yield from self._slam.add_keyframe(point, placed)
                 yield from self._corrections.correct_stamps(point.stamp_ns, self._path, self._trajectories)
             else:
-                yield from self._look(point, scan)
+                yield from self._look(sweeps)
 
-    def _look(self, point: PathPoint, scan: Sweep) -> Iterator[Event]:
+    def _look(self, sweeps: SweepSet) -> Iterator[Event]:
         """Now and then compare a scan while the wheels stand still: the robot may move all the same."""
+        point = sweeps.point
         stood = self._stood.motion_to(point)
         if not stands(stood.pose):
             self._stood = point
-        elif stood.seconds >= self._config.lidar.doubt.look_s and isinstance(scan, LaserScan):
+        elif stood.seconds >= self._config.lidar.doubt.look_s and isinstance(sweeps.newest, LaserScan):
             if self._seen.motion_to(point).seconds < self._slam.steps.look_due_s():
                 return
             self._seen = point
-            placed = self._place(point, scan)
+            placed = self._place(sweeps)
             yield from self._slam.look(point, placed) if placed else ()
 
-    def _place(self, point: PathPoint, scan: Sweep) -> PlacedScan | None:
-        self._scans.mounts.mark_used(scan)
+    def _place(self, sweeps: SweepSet) -> PlacedScan | None:
         with self._timer("scan_points"):
-            return self._scans.place(point, scan, self._path)
+            return self._scans.place(sweeps, self._path)
 
     def _process_wifi(self, m: WifiScan) -> Iterator[Event]:
         if not self._config.wifi.enabled:
@@ -274,15 +279,6 @@ class Pipeline:
                 yield scan
             elif self._slam.has_keyframes:
                 yield from self._slam.add_wifi(self.stamp_ns, scan)
-
-    def _stamp(self, sensor: Sensor, stamp_ns: int) -> Generator[Event, None, int | None]:
-        """The stamp on the time base as the generator's return value; None if the message is dropped."""
-        stamped = self._odometry.time.accept(sensor, stamp_ns)
-        yield from self._warn_of_shift(stamped.stamp_ns, stamped.shift_ns)
-        if stamped.dropped:
-            yield Dropped(sensor, stamped.stamp_ns, stamped.dropped)
-            return None
-        return stamped.stamp_ns
 
     def _warn_of_shift(self, stamp_ns: int, shift_ns: int) -> Iterator[Event]:
         if shift_ns:

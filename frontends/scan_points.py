@@ -30,3 +30,32 @@ class PlacedScan:
     points: ScanPoints
     hits: NDArray[np.float32]
     band: Floats | None = None
+
+
+def moved(placed: PlacedScan, T: Pose2) -> PlacedScan:
+    """The scan in a frame in which its own base_link is at `T`."""
+    turn = Pose2(0.0, 0.0, T.theta)
+    points = ScanPoints(
+        T.transform(placed.points.points), turn.transform(placed.points.normals), T @ placed.points.T_base_laser
+    )
+    band = placed.band
+    if band is not None:
+        band = np.column_stack([T.transform(band[:, :2]), band[:, 2]])
+    return PlacedScan(points, T.transform(placed.hits.astype(np.float64)).astype(np.float32), band)
+
+
+def joined(scans: list[PlacedScan]) -> PlacedScan:
+    """One scan of several in the same base_link, as if seen from amid their sensors; the hits by their bearings."""
+    if len(scans) == 1:
+        return scans[0]
+    sensors = [scan.points.T_base_laser for scan in scans]
+    amid = Pose2(float(np.mean([s.x for s in sensors])), float(np.mean([s.y for s in sensors])), 0.0)
+    hits = np.concatenate([scan.hits for scan in scans])
+    by_bearing = np.argsort(np.arctan2(hits[:, 1] - amid.y, hits[:, 0] - amid.x), kind="stable")
+    points = ScanPoints(
+        np.concatenate([scan.points.points for scan in scans]),
+        np.concatenate([scan.points.normals for scan in scans]),
+        amid,
+    )
+    bands = [scan.band for scan in scans if scan.band is not None]
+    return PlacedScan(points, hits[by_bearing], np.concatenate(bands) if bands else None)

@@ -3,7 +3,6 @@
 import math
 from array import array
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.discovery import find_topics
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS
-from wayfi.recordings.ros.topics import Channel, Route, route
+from wayfi.recordings.ros.topics import Channel, Route, Topics, route
 
 _LARGEST_STAMP_NS = 2**63 - 1
 
@@ -143,7 +142,7 @@ class _ChannelStatistics:
         )
 
 
-def inspect_recording(path: Path, topics: Mapping[Sensor, str] | None = None) -> Inspection:
+def inspect_recording(path: Path, topics: Topics | None = None) -> Inspection:
     """Read the whole recording at `path`; `topics` are those configured for the sensors (None: the defaults).
 
     Raises RecordingError if it cannot be opened or has no messages.

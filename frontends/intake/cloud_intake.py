@@ -26,6 +26,14 @@ class CloudIntake:
         """(n, 3) points of a cloud's height band in base_link, m, and their times (n,) after its stamp, s."""
         return band_points(cloud, self._mount(cloud.frame_id), self._config.max_range_m, self._config.cloud)
 
+    def heights(self, cloud: PointCloud) -> Floats:
+        """(n,) m above base_link of a cloud's points that are finite, off the robot itself and within the range."""
+        mount, points = self._mount(cloud.frame_id), cloud.points[np.isfinite(cloud.points).all(axis=1)]
+        away_m = np.linalg.norm(points.astype(np.float64), axis=1)
+        near = (self._config.cloud.body_m < away_m) & (away_m < self._config.max_range_m)
+        heights: Floats = points[near] @ mount.rotation[2] + mount.translation[2]
+        return heights
+
     def place(self, point: PathPoint, cloud: PointCloud, path: DrivenPath) -> PlacedScan | None:
         """A cloud whose stamp is at `point`, deskewed; None if nothing returned from its height band."""
         band, time_s = self.band(cloud)

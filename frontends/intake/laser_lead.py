@@ -5,7 +5,7 @@ from wayfi.frontends.cloud.cloud_odometry import CloudLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.laser_odometry import LaserOdometry
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import PointCloud, Sweep
+from wayfi.frontends.measurements import PAUSE_NS, PointCloud, Sweep
 
 
 class LaserLead:
@@ -15,6 +15,15 @@ class LaserLead:
         self._scans = scans
         self._planar = LaserOdometry(config)
         self._spatial = CloudLead(config)
+        self._followed: tuple[str, int] | None = None  # the laser's stream, and the stamp of its newest sweep
+
+    def follows(self, stamp_ns: int, sweep: Sweep) -> bool:
+        """Whether a sweep is from the laser that leads: the first, until it has been silent for a second."""
+        laser = self._scans.laser_of(sweep).stream
+        if self._followed and laser != self._followed[0] and stamp_ns - self._followed[1] <= PAUSE_NS:
+            return False
+        self._followed = laser, stamp_ns
+        return True
 
     def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
         """Match the next sweep; returns T_odom_base at `stamp_ns`, the sweep's."""

@@ -1,4 +1,4 @@
-"""Sweeps of the laser before they become keyframes: checked, held until the odometry covers them, cut to points."""
+"""Sweeps of the lasers before they become keyframes: checked, held until the odometry covers them, cut to points."""
 
 import math
 from collections.abc import Generator, Iterator
@@ -11,8 +11,10 @@ from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.intake.cloud_intake import CloudIntake, has_return
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.intake.scan_queue import ScanQueue, sweep_ns
+from wayfi.frontends.intake.sweep_sets import SweepSet, SweepSets
+from wayfi.frontends.intake.use_watch import UseWatch
+from wayfi.frontends.lasers.laser import Laser, Lasers
 from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
-from wayfi.frontends.lidar.laser_watch import LaserWatch
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
     SECOND_NS,
@@ -24,19 +26,24 @@ from wayfi.frontends.measurements import (
     Sweep,
 )
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
-from wayfi.frontends.scan_points import PlacedScan
+from wayfi.frontends.scan_points import PlacedScan, joined, moved
 
 
 class ScanIntake:
-    """Uses the first laser that sees anything; holds its sweeps in `queue`, and knows the `mounts`."""
+    """Uses the first kind of laser that sees anything, planar or 3D, and all of that kind together.
+
+    Holds their sweeps in `queue`, and knows the `mounts`.
+    """
 
     def __init__(self, config: LidarConfig, base_frame: str = "") -> None:
         self._config = config
         self.mounts = Mounts(config, base_frame)
         self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
-        self._watch = LaserWatch(config.watch)
-        self._laser: Sensor | None = None
+        self._lasers = Lasers(config.watch)
+        self._sets = SweepSets()
+        self._use = UseWatch(config, self.clouds)
+        self._kind: Sensor | None = None
         self._shift_ns = 0
 
     def add_transforms(self, transforms: StaticTransforms | MovingTransforms) -> list[Event]:
@@ -48,32 +55,59 @@ class ScanIntake:
         oldest = self.queue.oldest
         return oldest is not None and self.mounts.awaits(oldest.frame_id) and self.queue.waited_ns <= most_ns
 
+    def receive(self, now_ns: int, sweep: Sweep) -> Generator[Event, None, list[Sweep]]:
+        """Check a sweep as it was sent, at `now_ns` of the odometry; returns the whole sweeps that it completes."""
+        if isinstance(sweep, PointCloud):
+            return [sweep]
+        return list((yield from self._lasers.of(sweep).receive(now_ns, sweep)))
+
+    def unfinished(self) -> list[Sweep]:
+        """At the end: the turns of which fragments are missing."""
+        return [sweep for laser in self._lasers for sweep in laser.finish()]
+
+    def laser_of(self, sweep: Sweep) -> Laser:
+        """The laser that a sweep is from."""
+        return self._lasers.of(sweep)
+
     def add(self, stamp_ns: int, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
         """Add a sweep stamped `stamp_ns` on the time base; `latest` is the end of the driven path.
 
         Returns its stamp by the odometry's clock, None if it is dropped.
         """
         sensor = sensor_of(sweep)
-        if sensor is not (self._laser or sensor):
-            yield Dropped(sensor, stamp_ns, DropReason.OTHER_LASER)
+        if sensor is not (self._kind or sensor):
+            yield dropped(sweep, stamp_ns, DropReason.OTHER_LASER)
             return None
         stamp_ns += self._shift_ns
-        used = yield from self._watch.add_sweep(stamp_ns, sweep, latest.stamp_ns - stamp_ns if latest else 0)
+        laser, late_ns = self._lasers.of(sweep), latest.stamp_ns - stamp_ns if latest else 0
+        used = yield from laser.watch.add_sweep(stamp_ns, sweep, late_ns)
         if used is None:
             return None
-        if not self._sees_anything(used):
-            yield Dropped(sensor, stamp_ns, DropReason.NO_RETURN)
+        sees = self._sees_anything(used)
+        yield from self._use.add_sweep(stamp_ns, laser.name, sweep, sees)
+        if not sees:
+            yield dropped(sweep, stamp_ns, DropReason.NO_RETURN)
             return None
-        self._laser = sensor
+        self._kind = sensor
         for oldest in self.queue.add(stamp_ns, used):
-            yield Dropped(sensor, oldest.stamp_ns, DropReason.TOO_MANY_WAIT)
+            yield dropped(oldest, oldest.stamp_ns, DropReason.TOO_MANY_WAIT)
         return stamp_ns
+
+    def ready(self, path: DrivenPath) -> Iterator[SweepSet | Event]:
+        """Remove and return the sweeps that the path covers, those of several lasers together; and what is dropped."""
+        for point, sweep in self.queue.ready(path):
+            self.mounts.settle(sweep.frame_id)
+            if point is None:
+                yield dropped(sweep, sweep.stamp_ns, DropReason.TOO_LATE)
+            else:
+                yield from self._sets.add(self._lasers.of(sweep).stream, point, sweep)
 
     def compare(self, odometry_ns: int, most_ahead_ns: int) -> Iterator[Event]:
         """Drop the sweeps stamped more than `most_ahead_ns` after the newest odometry; watch for silence."""
         for ahead in self.queue.drop_ahead(odometry_ns + most_ahead_ns):
-            yield Dropped(sensor_of(ahead), ahead.stamp_ns, DropReason.AHEAD)
-        yield from self._watch.check_silence(odometry_ns)
+            yield dropped(ahead, ahead.stamp_ns, DropReason.AHEAD)
+        for laser in self._lasers:
+            yield from laser.watch.check_silence(odometry_ns)
 
     def shift_stamps(self, seconds: float) -> None:
         """Add `seconds` to the stamps of the sweeps from here on."""
@@ -83,8 +117,25 @@ class ScanIntake:
         """(n, 2) points of a scan in base_link, m, as of one instant."""
         return to_base(beam_points(scan, self._config.max_range_m)[1], self.mounts.of(scan.frame_id), None)
 
-    def place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
-        """The sweep's points in base_link at `point`; None if no beam returned."""
+    def place(self, sweeps: SweepSet, path: DrivenPath) -> PlacedScan | None:
+        """The points of all sweeps in base_link at the newest; None if no beam returned."""
+        to_newest = sweeps.point.T_path_base
+        placed = [
+            scan if point is sweeps.point else moved(scan, to_newest.between(point.T_path_base))
+            for point, sweep in sweeps.members
+            if (scan := self._place(point, sweep, path)) is not None
+        ]
+        return joined(placed) if placed else None
+
+    def judge(self, sweeps: SweepSet, placed: PlacedScan | None) -> Iterator[Event]:
+        """Tell what keeps a keyframe's sweeps from being used, if anything does."""
+        for _, sweep in sweeps.members:
+            yield from self.mounts.warn_of_unknown(sweep)
+        newest = sweeps.newest
+        yield from self._use.judge(sweeps.point.stamp_ns, self._lasers.of(newest).name, newest, placed)
+
+    def _place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
+        self.mounts.mark_used(sweep)
         if isinstance(sweep, PointCloud):
             return self.clouds.place(point, sweep, path)
         beams, points = beam_points(sweep, self._config.max_range_m)
@@ -104,6 +155,11 @@ class ScanIntake:
 def sensor_of(sweep: Sweep) -> Sensor:
     """The sensor that a sweep is from."""
     return Sensor.POINTS if isinstance(sweep, PointCloud) else Sensor.SCAN
+
+
+def dropped(sweep: Sweep, stamp_ns: int, reason: DropReason) -> Dropped:
+    """The event of a sweep that is not used."""
+    return Dropped(sensor_of(sweep), stamp_ns, reason, sweep.topic if isinstance(sweep, LaserScan) else "")
 
 
 def _sweep_motion(point: PathPoint, scan: LaserScan, beams: NDArray[np.int64], path: DrivenPath) -> Floats | None:

@@ -31,6 +31,10 @@ class StandIns:
         """Whether either leads."""
         return self.laser_leads or self.transforms_lead
 
+    def follow(self, stamp_ns: int, sweep: Sweep) -> bool:
+        """Whether the laser that leads is the one that a sweep is from."""
+        return self._laser is not None and self._laser.follows(stamp_ns, sweep)
+
     def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
         """Match the next sweep with the laser that leads; returns T_odom_base at `stamp_ns`, the sweep's."""
         assert self._laser is not None

@@ -33,10 +33,10 @@ def complaint_texts(config: LaserWatchConfig) -> dict[str, str]:
 
 
 class LaserWatch:
-    """Watches the laser that is used, in bounded memory."""
+    """Watches a laser, whose `name` begins every complaint, in bounded memory."""
 
-    def __init__(self, config: LaserWatchConfig) -> None:
-        self._config = config
+    def __init__(self, config: LaserWatchConfig, name: str = NAME) -> None:
+        self._config, self._name = config, name
         self._texts = complaint_texts(config)
         faults = {fault: Fault(config.faulty, config.window, ends) for fault, ends in ENDS.items()}
         self._complaints = Complaints("{}", faults, config.silent_s)
@@ -48,7 +48,7 @@ class LaserWatch:
         Returns the sweep as it may be used: None if the laser is blocked, inf for beams that did not return. A cloud
         is checked for lateness alone.
         """
-        self._complaints.heard(NAME)
+        self._complaints.heard(self._name)
         yield from self._count_fault(stamp_ns, LATE, late_ns > round(self._config.late_s * SECOND_NS))
         return sweep if isinstance(sweep, PointCloud) else (yield from self._check_ranges(stamp_ns, sweep))
 
@@ -57,11 +57,13 @@ class LaserWatch:
         yield from self._count_fault(stamp_ns, BLOCKED, blocked)
         if blocked:
             yield from self._count_fault(stamp_ns, FEW_RETURNS, False)
-            yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN)
+            yield Dropped(Sensor.SCAN, stamp_ns, DropReason.NO_RETURN, scan.topic)
             return None
         scan = self._no_return.mark(scan)
         if self._no_return.confirmed:
-            yield Warned(stamp_ns, f"laser: {self._no_return.range_m:g} m is what it reports where nothing returns")
+            yield Warned(
+                stamp_ns, f"{self._name}: {self._no_return.range_m:g} m is what it reports where nothing returns"
+            )
         yield from self._count_fault(stamp_ns, FEW_RETURNS, return_share(scan) < self._config.min_return_share)
         return scan
 
@@ -71,7 +73,7 @@ class LaserWatch:
 
     def _count_fault(self, stamp_ns: int, fault: str, faulty: bool) -> Iterator[Event]:
         """Note whether the newest scan has a fault; it is a complaint while enough of the last scans have it."""
-        yield from self._complaints.judge(stamp_ns, NAME, fault, [faulty], self._texts[fault])
+        yield from self._complaints.judge(stamp_ns, self._name, fault, [faulty], self._texts[fault])
 
 
 class NoReturnRange:

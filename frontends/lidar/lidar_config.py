@@ -93,6 +93,8 @@ class LaserWatchConfig:
     silent_s: float = option(30.0, "s", "without a scan; sound recordings have scans 14 s apart")
     window: int = option(20, "scans", "that a complaint rests on: 2 s at 10 Hz")
     faulty: int = option(16, "scans", "of the window: some drivers cut a sweep into scans, most of them empty")
+    few_window: int = option(5, "keyframes", "that the complaint of too few points to match rests on: 2.5 m of path")
+    few_keyframes: int = option(4, "keyframes", "of these: a robot close to a wall or in the open is soon past it")
     limit_share: float = option(0.998, "", "of range_max: drivers report a little less where nothing returns")
     no_return_share: float = option(0.05, "", "of all beams at the largest range; walls were seen to give 0.022")
     no_return_scans: int = option(5, "scans", "with the same largest range, until it is reported: not one wall's")

@@ -1,11 +1,11 @@
 """Which topics of a recording are read for a sensor whose own topic is not there: the only one of its type."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TF_MESSAGE, TYPE_OF_SENSOR, canonical_type
-from wayfi.recordings.ros.topics import Channel, is_read, route
+from wayfi.recordings.ros.topics import Channel, Topics, is_read, route, topics_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class FoundTopics:
     warnings: tuple[str, ...]
 
 
-def find_topics(channels: Iterable[Channel], configured: Mapping[Sensor, str]) -> FoundTopics:
+def find_topics(channels: Iterable[Channel], configured: Topics) -> FoundTopics:
     """Seek the sensors whose topics, as `configured`, none of `channels` can be read for.
 
     A sensor is read from the only channel of its type. Where there are several, or the topic is not the default one and
@@ -26,10 +26,15 @@ def find_topics(channels: Iterable[Channel], configured: Mapping[Sensor, str]) -
     known = tuple(channels)
     found: dict[Sensor, str] = {}
     warnings = []
-    for sensor, topic in configured.items():
-        if any(route(*channel, configured).sensor is sensor for channel in known) or not topic:
+    for sensor in configured:
+        absent = [topic for topic in topics_of(configured, sensor) if topic and not _is_read_on(topic, sensor, known)]
+        if not absent:
             continue
-        fitting = sorted({channel.topic for channel in known if _fits(channel, sensor)} - set(configured.values()))
+        if len(topics_of(configured, sensor)) > 1:
+            warnings += [f"nothing can be read on {topic} (recording.{sensor})" for topic in absent]
+            continue
+        (topic,) = absent
+        fitting = sorted({channel.topic for channel in known if _fits(channel, sensor)} - _all_of(configured))
         if sensor is Sensor.POINTS and any(_is_of(channel, Sensor.SCAN) for channel in known):
             continue
         if len(fitting) == 1 and topic == DEFAULT_TOPICS[sensor]:
@@ -44,6 +49,9 @@ def find_topics(channels: Iterable[Channel], configured: Mapping[Sensor, str]) -
 
 def _choice(sensor: Sensor, topic: str, fitting: list[str]) -> str:
     settings = " or ".join(f"--set recording.{sensor}={each}" for each in fitting)
+    if sensor is Sensor.SCAN and len(fitting) > 1:
+        together = ", ".join(f'"{each}"' for each in fitting)
+        settings += f", or to use them together --set 'recording.{sensor}=[{together}]'"
     return f"nothing can be read on {topic} (recording.{sensor}); give {settings}"
 
 
@@ -59,9 +67,18 @@ def _fits(channel: Channel, sensor: Sensor) -> bool:
     return _is_of(channel, sensor) and is_read(channel.encoding)
 
 
-def _not_read(channels: tuple[Channel, ...], configured: Mapping[Sensor, str]) -> list[str]:
+def _is_read_on(topic: str, sensor: Sensor, channels: tuple[Channel, ...]) -> bool:
+    """Whether any of the channels can be read for `sensor` on this topic."""
+    return any(channel.topic == topic and route(*channel, {sensor: topic}).sensor is sensor for channel in channels)
+
+
+def _all_of(configured: Topics) -> set[str]:
+    return {topic for sensor in configured for topic in topics_of(configured, sensor)}
+
+
+def _not_read(channels: tuple[Channel, ...], configured: Topics) -> list[str]:
     """A line for each channel of a sensor's type, on a topic that is not configured, whose encoding is unknown."""
-    others = [c for c in channels if c.topic not in configured.values() and not is_read(c.encoding)]
+    others = [c for c in channels if c.topic not in _all_of(configured) and not is_read(c.encoding)]
     return [
         f"{channel.topic}: not used: {route(*channel, {sensor: channel.topic}).why}"
         for channel in others

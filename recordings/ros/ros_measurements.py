@@ -1,6 +1,5 @@
 """Converts ROS messages, which are objects of the typestore's classes, to measurements."""
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -102,9 +101,6 @@ def _read_odometry(message: Message) -> Odometry:
 
 def _read_laser_scan(message: Message) -> LaserScan:
     check_count("beams", len(message.ranges), MAX_BEAMS)
-    angles = message.angle_min, message.angle_increment, message.time_increment
-    if not all(map(math.isfinite, angles)) or math.isnan(message.range_min) or math.isnan(message.range_max):
-        raise CodecError("LaserScan's angles, range limits or time_increment are not numbers")
     return LaserScan(
         _header_stamp_ns(message),
         message.header.frame_id,
@@ -114,6 +110,8 @@ def _read_laser_scan(message: Message) -> LaserScan:
         message.range_min,
         message.range_max,
         message.time_increment,
+        message.angle_max,
+        message.scan_time,
     )
 
 

@@ -93,14 +93,15 @@ def _write_odometry(odometry: Odometry) -> Message:
 
 def _write_laser_scan(scan: LaserScan) -> Message:
     ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32).reshape(-1)
+    last = scan.angle_min + max(len(ranges) - 1, 0) * scan.angle_increment
     return new_message(
         LASER_SCAN,
         header(scan.stamp_ns, scan.frame_id),
         scan.angle_min,
-        scan.angle_min + max(len(ranges) - 1, 0) * scan.angle_increment,
+        last if scan.angle_max is None else scan.angle_max,
         scan.angle_increment,
         scan.time_increment_s,
-        len(ranges) * scan.time_increment_s,
+        len(ranges) * scan.time_increment_s if scan.scan_time_s is None else scan.scan_time_s,
         scan.range_min_m,
         scan.range_max_m,
         ranges,

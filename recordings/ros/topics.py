@@ -29,6 +29,9 @@ class Encoding(StrEnum):
     JSON = "json"
 
 
+Topics = Mapping[Sensor, str | tuple[str, ...]]  # those that each sensor is read from
+
+
 @dataclass(frozen=True, slots=True)
 class Route:
     """The `sensor` and `encoding` that a topic is read with, both None if it is not used; `why` is an explanation."""
@@ -57,19 +60,25 @@ def _unknown_encoding(encoding: str, sensor: Sensor) -> str:
     return f"unknown encoding {encoding or '(none)'}; {takes}: convert its messages to one of these"
 
 
-def route(topic: str, type_name: str, encoding: str, topics: Mapping[Sensor, str]) -> Route:
+def route(topic: str, type_name: str, encoding: str, topics: Topics) -> Route:
     """The route of a channel (`topic`, `type_name`, `encoding`), given the `topics` configured for the sensors."""
     if topic == CONTROL_TOPIC:
         return _unused("feeds no sensor: a replay does what the daemon did between two messages")
-    sensor = next((sensor for sensor, name in topics.items() if name == topic), None)
+    sensor = next((sensor for sensor in topics if topic in topics_of(topics, sensor)), None)
     if sensor is None:
         by_type = sensor_of_type(type_name)
         if by_type is None:
             return _unused(f"no sensor is configured for this topic (type {type_name or 'unknown'})")
-        expected = topics.get(by_type)
+        expected = " and ".join(topics_of(topics, by_type))
         return _unused(f"a {by_type} type, but {by_type} is read from {expected or 'no topic'}")
     if not is_read(encoding):
         return _unused(_unknown_encoding(encoding, sensor))
     if encoding == Encoding.CDR and canonical_type(type_name) != TYPE_OF_SENSOR[sensor]:
         return _unused(f"unknown type {type_name or '(none)'}; {sensor} takes {TYPE_OF_SENSOR[sensor]}")
     return Route(sensor, Encoding(encoding), f"feeds {sensor}")
+
+
+def topics_of(topics: Topics, sensor: Sensor) -> tuple[str, ...]:
+    """The topics that a sensor is read from."""
+    names = topics.get(sensor, ())
+    return (names,) if isinstance(names, str) else names

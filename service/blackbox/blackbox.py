@@ -33,7 +33,6 @@ class BlackBox(Closing):
     def __init__(self, folder: Path, config: Config, calibration: Calibration | None) -> None:
         self._folder = folder
         self._limits = config.recording
-        self._topics = config.recording.topics
         self._wall_ahead_s = time.time() - time.monotonic()
         self._attached = {CONFIG: config_toml(config)}
         if calibration is not None:
@@ -46,9 +45,8 @@ class BlackBox(Closing):
         if isinstance(item, ControlRecord):
             self._writer.write(CONTROL_TOPIC, CONTROL_TYPE, "json", self._log_time_ns(time.monotonic()), item.to_json())
         else:
-            topic, type_name = self._topics[item.sensor], TYPE_OF_SENSOR[item.sensor]
             log_time_ns = self._log_time_ns(item.received_s)
-            self._writer.write(topic, type_name, item.encoding, log_time_ns, item.data)
+            self._writer.write(item.topic, TYPE_OF_SENSOR[item.sensor], item.encoding, log_time_ns, item.data)
         self.flush_if_due()
 
     def flush_if_due(self) -> None:

@@ -92,7 +92,7 @@ def _settings(config: Config, calibration: Calibration | None) -> str:
     """All settings that a drive depends on, as text."""
     plain = Config()
     settings = config_toml(replace(config, zenoh=plain.zenoh, rerun=plain.rerun, recording=plain.recording))
-    topics = "\n".join(config.recording.topics.values())
+    topics = "\n".join(name for names in config.recording.every_topic.values() for name in names)
     return settings + topics + (calibration_toml(calibration) if calibration else "")
 
 

@@ -106,7 +106,7 @@ def inspect(
         from wayfi.recordings.inspection import inspect_recording
         from wayfi.service.cli.summaries import print_inspection
 
-        inspection = inspect_recording(recording, configuration(config, settings).recording.topics)
+        inspection = inspect_recording(recording, configuration(config, settings).recording.every_topic)
         print_inspection(output, inspection)
         if not inspection.usable:
             raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")

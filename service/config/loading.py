@@ -64,6 +64,8 @@ def _complaint(name: str, value: Any, unit: str) -> str | None:  # noqa: ANN401 
         return f"above zero, in {unit}"
     if name == "port" and not 0 < value < 65536:
         return "from 1 to 65535"
+    if name == "scan" and isinstance(value, list) and not (all(value) and 0 < len(value) == len(set(value))):
+        return "a topic, or a list of different ones"
     if name == "mount" and len(value) not in (0, 3):
         return "empty or three numbers, x, y, theta"
     if not all(_is_unicode(entry) for entry in entries if isinstance(entry, str)):

@@ -55,7 +55,7 @@ class RecordingConfig:
     budget_mb: float = option(20_000.0, "MiB", "of all runs together; over it the oldest files are deleted")
     keep_free_mb: float = option(100.0, "MiB", "free space left for others; below it nothing is recorded")
     odom: str = option("/odom", "topic", "REP 105's usual name")
-    scan: str = option("/scan", "topic", "as above")
+    scan: str | list[str] = option("/scan", "topic, or topics", "as above; with several lasers all are used together")
     points: str = option("/points", "topic", "as above")
     wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
     tf_static: str = option("/tf_static", "topic", "tf2's name")
@@ -63,8 +63,14 @@ class RecordingConfig:
 
     @property
     def topics(self) -> dict[Sensor, str]:
-        """The topic of each sensor."""
-        return {sensor: str(getattr(self, sensor.value)) for sensor in Sensor}
+        """The topic of each sensor, the first where there are several."""
+        return {sensor: names[0] for sensor, names in self.every_topic.items()}
+
+    @property
+    def every_topic(self) -> dict[Sensor, tuple[str, ...]]:
+        """All topics of each sensor."""
+        topics = {sensor: getattr(self, sensor.value) for sensor in Sensor}
+        return {sensor: (names,) if isinstance(names, str) else tuple(names) for sensor, names in topics.items()}
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ class Daemon:
             self._execute(commands)
 
     def _subscribers(self) -> Subscribers:
-        return Subscribers(self._session, self._config.zenoh, self._config.recording.topics, self._loop.inbox)
+        return Subscribers(self._session, self._config.zenoh, self._config.recording.every_topic, self._loop.inbox)
 
     def _step(self) -> None:
         self._manager.alive()

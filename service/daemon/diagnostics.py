@@ -9,7 +9,6 @@ import numpy as np
 
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
-from wayfi.frontends.measurements import Sensor
 from wayfi.service.daemon.estimator_messages import Backlog
 from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.drive.timing import StageCost
@@ -58,16 +57,15 @@ class Diagnostics:
     `estimation_drops` is what the estimation has dropped, by topic and reason.
     """
 
-    def __init__(self, topics: dict[Sensor, str], inbox: MessageQueue[Received], backlog: Backlog) -> None:
-        self._topics = topics
+    def __init__(self, inbox: MessageQueue[Received], backlog: Backlog) -> None:
         self._inbox = inbox
         self._backlog = backlog
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
         self._complaints: dict[str, str] = {}
         self._reported: tuple[State, list[str], float] | None = None
-        self._received: tuple[float, dict[Sensor, int]] = (time.monotonic(), {})
-        self._rates: dict[Sensor, float] = {}
+        self._received: tuple[float, dict[str, int]] = (time.monotonic(), {})
+        self._rates: dict[str, float] = {}
         self.estimation_drops: Drops = {}
         self.latencies = Latencies()
 
@@ -95,8 +93,7 @@ class Diagnostics:
 
     def queue_drops(self) -> Drops:
         """Messages that did not reach the estimation, by topic and reason."""
-        drops = (self._inbox.dropped(), self._backlog.dropped())
-        return merged(*({self._topics[sensor]: reasons for sensor, reasons in d.items()} for d in drops))
+        return merged(self._inbox.dropped(), self._backlog.dropped())
 
     def dropped(self) -> Drops:
         """All messages dropped so far, by topic and reason."""
@@ -106,9 +103,9 @@ class Diagnostics:
         """The status as of now, with the values of `extra`."""
         self._reported = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
-        values |= {f"rate_hz.{self._topics[sensor]}": f"{hz:.1f}" for sensor, hz in self._measured_rates().items()}
+        values |= {f"rate_hz.{topic}": f"{hz:.1f}" for topic, hz in self._measured_rates().items()}
         fed = self._backlog.depths()
-        values |= {f"queue.{self._topics[s]}": depth + fed[s] for s, depth in self._inbox.depths().items()}
+        values |= {f"queue.{topic}": depth + fed[topic] for topic, depth in self._inbox.depths().items()}
         values |= {f"dropped.{topic}.{why}": n for topic, whys in self.dropped().items() for why, n in whys.items()}
         values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
@@ -118,12 +115,12 @@ class Diagnostics:
         message = "; ".join([state, *self._complaints.values()])
         return Status(level, message, {key: str(value) for key, value in values.items()})
 
-    def _measured_rates(self) -> dict[Sensor, float]:
+    def _measured_rates(self) -> dict[str, float]:
         """Messages a second since they were last measured, at least half a period ago."""
         now_s, (since_s, before) = time.monotonic(), self._received
         if now_s - since_s >= PERIOD_S / 2 or not self._rates:
             received = self._inbox.received()
             seconds = max(now_s - since_s, 1e-3)
-            self._rates = {sensor: (n - before.get(sensor, 0)) / seconds for sensor, n in received.items()}
+            self._rates = {topic: (n - before.get(topic, 0)) / seconds for topic, n in received.items()}
             self._received = (now_s, received)
         return self._rates

@@ -60,7 +60,7 @@ class Estimator:
         while True:
             match self._incoming.recv():
                 case Received() as message:
-                    events, published = self._live.feed(message.sensor, message.encoding, message.data)
+                    events, published = self._live.feed(message.sensor, message.encoding, message.data, message.topic)
                     self._report(events, published)
                 case ControlRecord(kind=ControlKind.CHECKPOINT, number=number):
                     self._checkpoint(number)

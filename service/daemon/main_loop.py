@@ -44,7 +44,7 @@ class MainLoop(Closing):
         publishers: Publishers,
         log: LogLines,
     ) -> None:
-        limits = limits_of(config.zenoh)
+        limits = limits_of(config.zenoh, config.recording.every_topic)
         self._folder = folder
         self._publishers = publishers
         self._log = log
@@ -53,7 +53,7 @@ class MainLoop(Closing):
         self.machine = StateMachine(folder.resumes)
         self.inbox = MessageQueue[Received](limits)
         self.backlog = Backlog(limits)
-        self.diagnostics = Diagnostics(config.recording.topics, self.inbox, self.backlog)
+        self.diagnostics = Diagnostics(self.inbox, self.backlog)
         self.handler = CommandHandler(folder, self.backlog, self.machine, log)
         self._live = LivePublisher(config, calibration, publishers, self.diagnostics)
         self._status = StatusReporter(publishers, self.diagnostics, log)
@@ -106,11 +106,11 @@ class MainLoop(Closing):
         Odometry for which the backlog has no room is refused: a message whose pose is published must be fed.
         """
         if self.handler.paused:
-            self.backlog.refuse(received.sensor, QueueDrop.PAUSED)
+            self.backlog.refuse(received.topic, QueueDrop.PAUSED)
             return
         if received.sensor is Sensor.ODOM:
-            if not self.backlog.has_room(Sensor.ODOM):
-                self.backlog.refuse(Sensor.ODOM, QueueDrop.QUEUE_FULL)
+            if not self.backlog.has_room(received.topic):
+                self.backlog.refuse(received.topic, QueueDrop.QUEUE_FULL)
                 return
             self._live.handle(received)
         self.backlog.put(received)

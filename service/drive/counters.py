@@ -40,7 +40,7 @@ class Counters:
         """Count an event."""
         match event:
             case Dropped():
-                self.drop(self._topics[event.sensor], event.reason)
+                self.drop(event.topic or self._topics[event.sensor], event.reason)
             case ClosureJudged():
                 self.verdicts[event.closure] = event
             case Warned():

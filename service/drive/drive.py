@@ -1,10 +1,11 @@
 """One drive: decoding, the pipeline, the log and the counters, the same for every source."""
 
+from dataclasses import replace
 from typing import Any
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GraphUpdated, PosePublished, Verdict, Warned
-from wayfi.frontends.measurements import Measurement, Sensor
+from wayfi.frontends.measurements import LaserScan, Measurement, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.log import Log, NullLog
@@ -31,28 +32,29 @@ class Drive:
         """Everything but the log, which is open; an unpickled drive has to be given another."""
         return vars(self) | {"log": NullLog()}
 
-    def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> list[Event]:
-        """Decode and process one message; returns the events, for `show`."""
-        measurement = self.decode(sensor, encoding, data)
+    def feed(self, sensor: Sensor, encoding: Encoding, data: bytes, topic: str = "") -> list[Event]:
+        """Decode and process one message; returns the events, for `show`. `topic`: the sensor's first by default."""
+        measurement = self.decode(sensor, encoding, data, topic)
         return measurement if isinstance(measurement, list) else self.process(measurement)
 
     def add(self, sensor: Sensor, measurement: Measurement) -> list[Event]:
         """Count and process one measurement that came decoded; returns what became known by it, still to be shown."""
-        self.counters.messages[self.topics[sensor]] += 1
-        return self.process(measurement)
-
-    def decode(self, sensor: Sensor, encoding: Encoding, data: bytes) -> Measurement | list[Event]:
-        """Count one message and decode it; the events of its drop where that is impossible, for `show`."""
         topic = self.topics[sensor]
+        self.counters.messages[topic] += 1
+        return self.process(_on(topic, measurement))
+
+    def decode(self, sensor: Sensor, encoding: Encoding, data: bytes, topic: str = "") -> Measurement | list[Event]:
+        """Count one message and decode it; the events of its drop where that is impossible, for `show`."""
+        topic = topic or self.topics[sensor]
         self.counters.messages[topic] += 1
         try:
             with self.timer("decode"):
-                return decode(data, sensor, encoding)
+                return _on(topic, decode(data, sensor, encoding))
         except CodecError as error:
             stamp_ns = self.pipeline.stamp_ns
             first = DropReason.UNDECODABLE not in self.counters.dropped.get(topic, ())
             told: list[Event] = [Warned(stamp_ns, f"{topic}: cannot be decoded: {error}")] if first else []
-            return [Dropped(sensor, stamp_ns, DropReason.UNDECODABLE), *told]
+            return [Dropped(sensor, stamp_ns, DropReason.UNDECODABLE, topic), *told]
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
         """Process a measurement, for which `published` has been published already; returns the events."""
@@ -80,3 +82,8 @@ class Drive:
         self.show(events)
         self.log.close()
         return result
+
+
+def _on(topic: str, measurement: Measurement) -> Measurement:
+    """A measurement that came on this topic: scans of several are told apart by it."""
+    return replace(measurement, topic=topic) if isinstance(measurement, LaserScan) else measurement

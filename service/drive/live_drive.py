@@ -31,22 +31,24 @@ class LiveDrive:
         self.newest = 0
         self.checkpoints = 0
 
-    def feed(self, sensor: Sensor, encoding: Encoding, data: bytes) -> tuple[list[Event], PosePublished | None]:
+    def feed(
+        self, sensor: Sensor, encoding: Encoding, data: bytes, topic: str = ""
+    ) -> tuple[list[Event], PosePublished | None]:
         """Process a message; returns the events, and the pose that was published for it beforehand, if one was."""
-        measurement = self.drive.decode(sensor, encoding, data)
+        measurement = self.drive.decode(sensor, encoding, data, topic)
         if isinstance(measurement, list):
             return measurement, None
         published = self._live.add(measurement) if isinstance(measurement, Odometry) else None
         try:
             return self.drive.process(measurement, published), published
         except Exception as error:
-            return self._failed(sensor, measurement, error), published
+            return self._failed(sensor, topic, measurement, error), published
 
-    def _failed(self, sensor: Sensor, measurement: Measurement, error: Exception) -> list[Event]:
+    def _failed(self, sensor: Sensor, topic: str, measurement: Measurement, error: Exception) -> list[Event]:
         """The events of a message whose processing raised: a bug of wayfi, which must not stop the robot."""
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"internal error, please report it: {error!r} at {Path(place.filename).name}:{place.lineno}"
-        dropped = Dropped(sensor, measurement.stamp_ns, DropReason.INTERNAL_ERROR)
+        dropped = Dropped(sensor, measurement.stamp_ns, DropReason.INTERNAL_ERROR, topic)
         return [dropped, Warned(measurement.stamp_ns, text)]
 
     def new_estimate(self) -> Estimate | None:

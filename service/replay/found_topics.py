@@ -15,6 +15,6 @@ def with_found_topics(config: Config, recording: Recording) -> tuple[Config, lis
     """
     if recording.is_blackbox:
         return config, []
-    found = find_topics(recording.channels, config.recording.topics)
+    found = find_topics(recording.channels, config.recording.every_topic)
     topics: dict[str, Any] = {sensor.value: topic for sensor, topic in found.topics.items()}
     return replace(config, recording=replace(config.recording, **topics)), list(found.warnings)

@@ -111,7 +111,7 @@ class _Outlet:
     def __init__(self, session: zenoh.Session, config: Config, opened: ExitStack) -> None:
         self._session = session
         self._config = config.zenoh
-        self._topics = config.recording.topics
+        self._topics = config.recording.every_topic
         self._opened = opened
         self._publishers: dict[Channel, zenoh.Publisher | None] = {}
         self.messages: Counter[str] = Counter()
@@ -129,7 +129,7 @@ class _Outlet:
 
     def wait_for_listener(self, deadline_s: float) -> None:
         """Wait until a daemon is ready or anybody else subscribes. Raises PublishError."""
-        publishers = [self._publisher(topic, Encoding.CDR) for topic in self._topics.values()]
+        publishers = [self._publisher(topic, Encoding.CDR) for names in self._topics.values() for topic in names]
         while not (self._daemon_is_ready() or any(map(has_subscriber, publishers))):
             if time.monotonic() > deadline_s:
                 raise _no_listener(self._config)

@@ -9,6 +9,7 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.measurements import Sensor
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.calibration_file import parse_calibration, read_calibration
@@ -141,5 +142,6 @@ def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[st
     dropped = Counter({f"{t} {r}": n for t, reasons in drive.counters.dropped.items() for r, n in reasons.items()})
     why = sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
     why += [f"{n} x {what}" for what, n in dropped.items()]
-    wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
+    topics = drive.config.recording.every_topic
+    wanted = " or ".join(topics[Sensor.ODOM] + topics[Sensor.SCAN])
     return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

@@ -29,7 +29,7 @@ class _Routes:
     """The routes of the records' channels, looked up once each; `unused` are topics without one, with the reason."""
 
     def __init__(self, drive: Drive) -> None:
-        self._topics = drive.topics
+        self._topics = drive.config.recording.every_topic
         self._known: dict[Channel, Route] = {}
         self.unused: dict[str, str] = {}
 
@@ -55,7 +55,7 @@ class PlainReplayer:
         """Feed the record, if it is a sensor's."""
         found = self._routes.of(record)
         if found.sensor is not None and found.encoding is not None:
-            self.drive.show(self.drive.feed(found.sensor, found.encoding, record.data))
+            self.drive.show(self.drive.feed(found.sensor, found.encoding, record.data, record.topic))
 
 
 class BlackBoxReplayer:
@@ -78,7 +78,7 @@ class BlackBoxReplayer:
             return
         found = self._routes.of(record)
         if found.sensor is not None and found.encoding is not None:
-            events, _ = self.live.feed(found.sensor, found.encoding, record.data)
+            events, _ = self.live.feed(found.sensor, found.encoding, record.data, record.topic)
             self.live.new_estimate()
             self.drive.show(events)
 

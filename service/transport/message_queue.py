@@ -1,9 +1,9 @@
-"""A queue in the order of arrival, whose messages are bounded for each sensor and whose drops are counted."""
+"""A queue in the order of arrival, whose messages are bounded for each topic and whose drops are counted."""
 
 import threading
 import time
 from collections import Counter, OrderedDict, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar
@@ -13,7 +13,7 @@ from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ZenohConfig
 
 MIB = 1 << 20
-QUEUE_BYTES = 64 * MIB  # of a sensor: two clouds of the largest size, or some seconds of smaller ones
+QUEUE_BYTES = 64 * MIB  # of a topic: two clouds of the largest size, or some seconds of smaller ones
 WIFI_MESSAGES = 200  # phones send one in two seconds: over a minute of five of them
 TF_STATIC_MESSAGES = 100  # each is sent once, when its publisher starts: more than a robot has frames
 TF_MESSAGES = 12_000  # 60 s at 200 Hz, as of odometry, which may be in it
@@ -35,6 +35,7 @@ class Received:
     """One message as it was received; `received_s` is the time of its callback on the monotonic clock."""
 
     sensor: Sensor
+    topic: str
     encoding: Encoding
     data: bytes
     received_s: float
@@ -42,15 +43,15 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class QueueLimit:
-    """How many messages of a sensor may wait, and how large each may be; together at most `QUEUE_BYTES`."""
+    """How many messages of a topic may wait, and how large each may be; together at most `QUEUE_BYTES`."""
 
     messages: int
     message_bytes: int
 
 
-def limits_of(config: ZenohConfig) -> dict[Sensor, QueueLimit]:
-    """The daemon's limits; a message may be about twice as large as the largest that the codec accepts."""
-    return {
+def limits_of(config: ZenohConfig, topics: Mapping[Sensor, Sequence[str]]) -> dict[str, QueueLimit]:
+    """The daemon's limits of each topic; a message may be about twice as large as the largest that is decoded."""
+    limits = {
         Sensor.ODOM: QueueLimit(config.odom_queue, MIB // 16),
         Sensor.SCAN: QueueLimit(config.scan_queue, 4 * MIB),
         Sensor.POINTS: QueueLimit(config.scan_queue, 32 * MIB),
@@ -58,52 +59,53 @@ def limits_of(config: ZenohConfig) -> dict[Sensor, QueueLimit]:
         Sensor.TF_STATIC: QueueLimit(TF_STATIC_MESSAGES, MIB),
         Sensor.TF: QueueLimit(TF_MESSAGES, MIB),
     }
+    return {topic: limits[sensor] for sensor, names in topics.items() for topic in names}
 
 
 class MessageQueue(Generic[Item]):
     """Holds messages (`Received`) and any other items in the order of arrival; several threads fill it, one empties it.
 
-    Where a sensor's messages exceed its limit, its oldest message is dropped. Other items are never dropped. Drops are
-    counted by sensor and reason.
+    Where a topic's messages exceed its limit, its oldest message is dropped. Other items are never dropped. Drops are
+    counted by topic and reason.
     """
 
-    def __init__(self, limits: Mapping[Sensor, QueueLimit]) -> None:
+    def __init__(self, limits: Mapping[str, QueueLimit]) -> None:
         self._limits = limits
         self._items: OrderedDict[int, Item] = OrderedDict()
-        self._numbers: dict[Sensor, deque[int]] = {sensor: deque() for sensor in limits}
-        self._bytes: Counter[Sensor] = Counter()
-        self._received: Counter[Sensor] = Counter()
-        self._dropped: dict[Sensor, Counter[str]] = {sensor: Counter() for sensor in limits}
+        self._numbers: dict[str, deque[int]] = {topic: deque() for topic in limits}
+        self._bytes: Counter[str] = Counter()
+        self._received: Counter[str] = Counter()
+        self._dropped: dict[str, Counter[str]] = {topic: Counter() for topic in limits}
         self._next_number = 0
         self._woken = False
         self._changed = threading.Condition()
 
     def put(self, item: Item) -> None:
-        """Append an item; a message may drop older ones of its sensor."""
+        """Append an item; a message may drop older ones of its topic."""
         with self._changed:
             self._items[self._next_number] = item
             if isinstance(item, Received):
-                self._received[item.sensor] += 1
-                self._bytes[item.sensor] += len(item.data)
-                self._numbers[item.sensor].append(self._next_number)
-                self._drop_excess(item.sensor)
+                self._received[item.topic] += 1
+                self._bytes[item.topic] += len(item.data)
+                self._numbers[item.topic].append(self._next_number)
+                self._drop_excess(item.topic)
             self._next_number += 1
             self._changed.notify()
 
-    def refuse(self, sensor: Sensor, reason: QueueDrop) -> None:
+    def refuse(self, topic: str, reason: QueueDrop) -> None:
         """Count a message that was received and is not put."""
         with self._changed:
-            self._received[sensor] += 1
-            self._dropped[sensor][reason] += 1
+            self._received[topic] += 1
+            self._dropped[topic][reason] += 1
 
-    def fits(self, sensor: Sensor, size_bytes: int) -> bool:
+    def fits(self, topic: str, size_bytes: int) -> bool:
         """Whether a message is small enough to be put."""
-        return size_bytes <= self._limits[sensor].message_bytes
+        return size_bytes <= self._limits[topic].message_bytes
 
-    def has_room(self, sensor: Sensor) -> bool:
-        """Whether one more message of a sensor drops none."""
+    def has_room(self, topic: str) -> bool:
+        """Whether one more message of a topic drops none."""
         with self._changed:
-            return len(self._numbers[sensor]) < self._limits[sensor].messages and self._bytes[sensor] < QUEUE_BYTES
+            return len(self._numbers[topic]) < self._limits[topic].messages and self._bytes[topic] < QUEUE_BYTES
 
     def pop(self, timeout_s: float) -> Item | None:
         """Remove and return the oldest item; None where none arrives within `timeout_s`, or `wake` is called."""
@@ -130,42 +132,42 @@ class MessageQueue(Generic[Item]):
     def drop_messages(self) -> None:
         """Drop all messages at shutdown, counted as STOPPED; other items stay."""
         with self._changed:
-            for sensor, numbers in self._numbers.items():
+            for topic, numbers in self._numbers.items():
                 while numbers:
-                    self._drop_oldest(sensor, QueueDrop.STOPPED)
+                    self._drop_oldest(topic, QueueDrop.STOPPED)
 
     def __len__(self) -> int:
         with self._changed:
             return len(self._items)
 
-    def depths(self) -> dict[Sensor, int]:
-        """How many messages of each sensor wait."""
+    def depths(self) -> dict[str, int]:
+        """How many messages of each topic wait."""
         with self._changed:
-            return {sensor: len(numbers) for sensor, numbers in self._numbers.items()}
+            return {topic: len(numbers) for topic, numbers in self._numbers.items()}
 
-    def received(self) -> dict[Sensor, int]:
-        """How many messages of each sensor were received, the dropped ones included."""
+    def received(self) -> dict[str, int]:
+        """How many messages of each topic were received, the dropped ones included."""
         with self._changed:
-            return {sensor: self._received[sensor] for sensor in self._numbers}
+            return {topic: self._received[topic] for topic in self._numbers}
 
-    def dropped(self) -> dict[Sensor, dict[str, int]]:
-        """How many messages of each sensor were dropped, by reason."""
+    def dropped(self) -> dict[str, dict[str, int]]:
+        """How many messages of each topic were dropped, by reason."""
         with self._changed:
-            return {sensor: dict(reasons) for sensor, reasons in self._dropped.items() if reasons}
+            return {topic: dict(reasons) for topic, reasons in self._dropped.items() if reasons}
 
-    def _drop_excess(self, sensor: Sensor) -> None:
-        numbers, most = self._numbers[sensor], self._limits[sensor].messages
-        while len(numbers) > most or self._bytes[sensor] > QUEUE_BYTES:
-            self._drop_oldest(sensor, QueueDrop.QUEUE_FULL)
+    def _drop_excess(self, topic: str) -> None:
+        numbers, most = self._numbers[topic], self._limits[topic].messages
+        while len(numbers) > most or self._bytes[topic] > QUEUE_BYTES:
+            self._drop_oldest(topic, QueueDrop.QUEUE_FULL)
 
-    def _drop_oldest(self, sensor: Sensor, reason: QueueDrop) -> None:
-        self._remove(self._numbers[sensor][0])
-        self._dropped[sensor][reason] += 1
+    def _drop_oldest(self, topic: str, reason: QueueDrop) -> None:
+        self._remove(self._numbers[topic][0])
+        self._dropped[topic][reason] += 1
 
     def _remove(self, number: int) -> Item:
-        """Remove an item; a message has to be the oldest of its sensor."""
+        """Remove an item; a message has to be the oldest of its topic."""
         item = self._items.pop(number)
         if isinstance(item, Received):
-            self._numbers[item.sensor].popleft()
-            self._bytes[item.sensor] -= len(item.data)
+            self._numbers[item.topic].popleft()
+            self._bytes[item.topic] -= len(item.data)
         return item

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from wayfi.frontends.measurements import SECOND_NS, Sensor
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.files.atomic_files import errors_naming
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR
@@ -39,20 +39,19 @@ def record_topics(out: Path, config: Config) -> RecordSummary:
     def may_come(error: UnreachableError) -> bool:
         return not isinstance(error, RefusedError) and not stop.requested
 
-    topics = config.recording.topics
-    inbox = MessageQueue[Received](dict.fromkeys(Sensor, LIMIT))
+    topics = config.recording.every_topic
+    inbox = MessageQueue[Received]({topic: LIMIT for names in topics.values() for topic in names})
     with errors_naming(out), StopSignal() as stop, ExitStack() as opened:
         connect = partial(open_guest_session, config.zenoh)
         session = opened.enter_context(open_with_retries(connect, may_come))
         writer = opened.enter_context(McapWriter(out))
-        recorder = _RecordingWriter(writer, topics)
+        recorder = _RecordingWriter(writer)
         with Subscribers(session, config.zenoh, topics, inbox):
             while not stop.requested:
                 recorder.write(inbox.pop(IDLE_S))
         while received := inbox.pop(0.0):
             recorder.write(received)
-    dropped = {topics[sensor]: reasons for sensor, reasons in inbox.dropped().items()}
-    return RecordSummary(recorder.messages, dropped)
+    return RecordSummary(recorder.messages, inbox.dropped())
 
 
 def _require_writable(path: Path) -> None:
@@ -66,9 +65,8 @@ def _require_writable(path: Path) -> None:
 class _RecordingWriter:
     """Writes messages, and flushes them every `FLUSH_S`; `messages` counts them by topic."""
 
-    def __init__(self, writer: McapWriter, topics: dict[Sensor, str]) -> None:
+    def __init__(self, writer: McapWriter) -> None:
         self._writer = writer
-        self._topics = topics
         self._wall_ahead_s = time.time() - time.monotonic()
         self._flushed_s = time.monotonic()
         self.messages: dict[str, int] = {}
@@ -76,7 +74,7 @@ class _RecordingWriter:
     def write(self, received: Received | None) -> None:
         """Write a message, if there is one, and flush when it is due."""
         if received is not None:
-            topic, type_name = self._topics[received.sensor], TYPE_OF_SENSOR[received.sensor]
+            topic, type_name = received.topic, TYPE_OF_SENSOR[received.sensor]
             log_time_ns = round((received.received_s + self._wall_ahead_s) * SECOND_NS)
             self._writer.write(topic, type_name, received.encoding, log_time_ns, received.data)
             self.messages[topic] = self.messages.get(topic, 0) + 1

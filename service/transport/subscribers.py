@@ -1,7 +1,7 @@
 """Zenoh in: callbacks that only put what they receive into a bounded queue."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -33,14 +33,18 @@ class Subscribers(Closing):
     """
 
     def __init__(
-        self, session: zenoh.Session, config: ZenohConfig, topics: Mapping[Sensor, str], inbox: MessageQueue[Received]
+        self,
+        session: zenoh.Session,
+        config: ZenohConfig,
+        topics: Mapping[Sensor, Sequence[str]],
+        inbox: MessageQueue[Received],
     ) -> None:
         self._inbox = inbox
         with ExitStack() as opened:
-            for sensor, topic in topics.items():
+            for sensor, topic in ((sensor, topic) for sensor, names in topics.items() for topic in names):
                 key = key_of(config, topic)
                 for keys in (key, rmw_key_expression(key, TYPE_OF_SENSOR[sensor])):
-                    opened.enter_context(_subscribe(session, keys, sensor, _direct(self._receiver(sensor))))
+                    opened.enter_context(_subscribe(session, keys, sensor, _direct(self._receiver(sensor, topic))))
             opened.enter_context(session.declare_queryable(key_of(config, SYNC), _direct(_answer)))
             self._opened = opened.pop_all()
 
@@ -48,15 +52,15 @@ class Subscribers(Closing):
         """Undeclare everything."""
         self._opened.close()
 
-    def _receiver(self, sensor: Sensor) -> Callable[[zenoh.Sample], None]:
+    def _receiver(self, sensor: Sensor, topic: str) -> Callable[[zenoh.Sample], None]:
         def receive(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
-            if not self._inbox.fits(sensor, len(sample.payload)):
-                self._inbox.refuse(sensor, QueueDrop.TOO_LARGE)
+            if not self._inbox.fits(topic, len(sample.payload)):
+                self._inbox.refuse(topic, QueueDrop.TOO_LARGE)
                 return
             encoding = Encoding.JSON if str(sample.encoding).startswith("application/json") else Encoding.CDR
-            self._inbox.put(Received(sensor, encoding, sample.payload.to_bytes(), time.monotonic()))
+            self._inbox.put(Received(sensor, topic, encoding, sample.payload.to_bytes(), time.monotonic()))
 
         return receive
 

@@ -45,7 +45,7 @@ def odometries(draw: st.DrawFn) -> Odometry:
 @st.composite
 def laser_scans(draw: st.DrawFn) -> LaserScan:
     ranges = float32s(draw(st.lists(RETURNS, max_size=40)))
-    numbers = [draw(FLOAT32S) for _ in range(5)]
+    numbers = [draw(FLOAT32S) for _ in range(7)]
     return LaserScan(draw(STAMPS), draw(NAMES), ranges, *numbers)
 
 
@@ -99,7 +99,10 @@ SENSOR_OF_CLASS: dict[type, Sensor] = {
 
 EXAMPLES: list[Measurement] = [
     Odometry(1_500_000_000_123_456_789, Pose2(1.0, -2.0, 3.0), np.diag([0.1, 0.2, 0.3])),
-    LaserScan(1_500_000_000_123_456_789, "laser", float32s([1.0, math.inf, math.nan, 2]), -1.5, 0.25, 0.5, 30.0, 0.125),
+    LaserScan(
+        1_500_000_000_123_456_789, "laser", float32s([1.0, math.inf, math.nan, 2]), -1.5, 0.25, 0.5, 30.0, 0.125, -0.75,
+        0.5,
+    ),
     PointCloud(5, "velodyne", np.arange(12, dtype=np.float32).reshape(4, 3)),
     WifiScan(
         7, "wlan0", ("aa:bb:cc:dd:ee:ff", "00:11:22:33:44:55"), float32s([-40, -70]), float32s([0, 2]),

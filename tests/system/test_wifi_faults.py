@@ -263,8 +263,8 @@ def test_the_report_says_what_is_wrong(minute: Simulated, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", ["one scan of 1500 readings", "ten minutes of silence", "randomised BSSIDs"])
 def test_the_daemons_status_warns_while_a_fault_lasts(name: str, wheels: Recorded) -> None:
     config = load_config()
-    limits = limits_of(config.zenoh)
-    diagnostics = Diagnostics(config.recording.topics, MessageQueue(limits), MessageQueue(limits))
+    limits = limits_of(config.zenoh, config.recording.every_topic)
+    diagnostics = Diagnostics(MessageQueue(limits), MessageQueue(limits))
     diagnostics.handle(StateChanged(0, State.TRACKING, "by odometry"), 0.0)
     assert diagnostics.status({}).level == OK
     lasting: dict[str, str] = {}

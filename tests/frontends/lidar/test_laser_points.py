@@ -10,6 +10,7 @@ from rooms import see
 
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.intake.scan_intake import ScanIntake
+from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.lidar.laser_points import MIN_RANGE_M, beam_points, fit_normals, thin, to_base, valid_beams
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.mount import Mount
@@ -222,8 +223,8 @@ def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: fl
         expected.append(T_path_start.T_path_base.inverse().transform(hit)[0])
     intake = ScanIntake(LidarConfig())
     intake.queue.add(S, scan(ranges, -0.3, increment, each_s))
-    (found, taken), *_ = intake.queue.ready(path)
-    assert found is not None
-    placed = intake.place(found, taken, path)
+    (found,) = intake.ready(path)
+    assert isinstance(found, SweepSet)
+    placed = intake.place(found, path)
     assert placed is not None
     np.testing.assert_allclose(placed.hits, expected, atol=0.01)

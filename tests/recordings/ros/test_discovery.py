@@ -21,7 +21,8 @@ def test_of_several_none_is_chosen_and_the_settings_are_named() -> None:
     sought = found(("/front/scan", LASER_SCAN), ("/rear/scan", LASER_SCAN), ("/odom", ODOMETRY))
     assert sought.topics == {}
     (line,) = sought.warnings
-    assert line.endswith("give --set recording.scan=/front/scan or --set recording.scan=/rear/scan")
+    settings = "give --set recording.scan=/front/scan or --set recording.scan=/rear/scan"
+    assert line.endswith(f'{settings}, or to use them together --set \'recording.scan=["/front/scan", "/rear/scan"]\'')
 
 
 def test_a_topic_that_was_asked_for_is_not_replaced() -> None:
@@ -55,3 +56,9 @@ def test_a_fitting_type_in_an_unknown_encoding_is_told_with_what_is_taken() -> N
     assert sought.topics == {}
     (line,) = sought.warnings  # that of /odom, which is configured, is told where its messages come
     assert line.startswith("/base_scan: not used: unknown encoding protobuf; scan takes cdr or json")
+
+
+def test_all_topics_of_a_list_are_read_and_those_that_are_not_there_are_named() -> None:
+    channels = [Channel("/front", "sensor_msgs/msg/LaserScan", "cdr"), Channel("/odom", "nav_msgs/msg/Odometry", "cdr")]
+    sought = find_topics(channels, {Sensor.ODOM: "/odom", Sensor.SCAN: ("/front", "/rear")})
+    assert sought == FoundTopics({}, ("nothing can be read on /rear (recording.scan)",))

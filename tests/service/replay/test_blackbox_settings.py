@@ -25,7 +25,7 @@ def test_a_replay_takes_the_black_boxs_settings_unless_told_otherwise(tmp_path: 
         {"tablet": ReceiverOffset(0.0, 0.0), "phone": ReceiverOffset(-2.5, 1 / 3)},
     )
     with BlackBox(tmp_path, config, calibration) as blackbox:
-        blackbox.write(Received(Sensor.ODOM, Encoding.CDR, odometry(0), time.monotonic()))
+        blackbox.write(Received(Sensor.ODOM, "/odom", Encoding.CDR, odometry(0), time.monotonic()))
     again, attached = settings_for(tmp_path, (), (), None)
     assert again == config
     assert attached is not None

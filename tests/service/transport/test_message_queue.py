@@ -17,7 +17,7 @@ Queue = MessageQueue[Received | int]
 
 
 def message(sensor: Sensor, data: bytes) -> Received:
-    return Received(sensor, Encoding.CDR, data, 0.0)
+    return Received(sensor, sensor, Encoding.CDR, data, 0.0)
 
 
 def filled(arrivals: list[Sensor | None]) -> Queue:

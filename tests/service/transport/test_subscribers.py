@@ -57,12 +57,12 @@ class Listening:
 
 
 @contextmanager
-def listening(prefix: str) -> Iterator[Listening]:
+def listening(prefix: str, topics: RecordingConfig = RecordingConfig()) -> Iterator[Listening]:  # noqa: B008 - frozen
     config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=prefix)
-    inbox = MessageQueue[Received](limits_of(config))
+    inbox = MessageQueue[Received](limits_of(config, topics.every_topic))
     with (
         open_session(config) as session,
-        Subscribers(session, config, RecordingConfig().topics, inbox),
+        Subscribers(session, config, topics.every_topic, inbox),
         open_guest_session(config) as peer,
     ):
         yield Listening(config, inbox, peer)
@@ -125,15 +125,15 @@ def test_a_malformed_attachment_does_no_harm(garbage: bytes) -> None:
 @pytest.mark.parametrize("key", ["tf_static", f"0/tf_static/{TF_TYPE}/{HASH}"])
 def test_static_transforms_put_before_are_requested_and_received_once(key: str) -> None:
     config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
-    inbox = MessageQueue[Received](limits_of(config))
+    inbox = MessageQueue[Received](limits_of(config, RecordingConfig().every_topic))
     with open_session(config) as session, open_guest_session(config) as one, open_guest_session(config) as two:
         early = [_latched(peer, key) for peer in (one, two)]
         for number, publisher in enumerate(early):
             publisher.put(mount(f"laser{number}"), attachment=rmw_attachment(1))
-        with Subscribers(session, config, RecordingConfig().topics, inbox):
-            eventually(lambda: inbox.depths()[Sensor.TF_STATIC] >= 2)
+        with Subscribers(session, config, RecordingConfig().every_topic, inbox):
+            eventually(lambda: inbox.depths()["/tf_static"] >= 2)
             early[0].put(mount("laser2"), attachment=rmw_attachment(2))
-            eventually(lambda: inbox.depths()[Sensor.TF_STATIC] >= 3)
+            eventually(lambda: inbox.depths()["/tf_static"] >= 3)
             time.sleep(0.3)  # in which a second copy would come
     found = []
     while received := inbox.pop(0.0):
@@ -144,3 +144,12 @@ def test_static_transforms_put_before_are_requested_and_received_once(key: str) 
 
 def _latched(peer: zenoh.Session, key: str) -> Any:  # noqa: ANN401 - zenoh's advanced publisher
     return declare_advanced_publisher(peer, key, cache=CacheConfig(max_samples=1), publisher_detection=True)
+
+
+def test_all_of_several_topics_are_received_and_told_apart() -> None:
+    with listening("bot7", RecordingConfig(scan=["/scan_front", "/scan_rear"])) as daemon:
+        daemon.put("bot7/scan_rear", b"rear")
+        daemon.put("bot7/scan_front", b"front")
+        daemon.put("bot7/scan", b"neither")
+        assert daemon.popped() == [(Sensor.SCAN, Encoding.CDR, b"rear"), (Sensor.SCAN, Encoding.CDR, b"front")]
+        assert {t: n for t, n in daemon.inbox.received().items() if n} == {"/scan_front": 1, "/scan_rear": 1}
