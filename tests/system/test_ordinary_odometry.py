@@ -70,14 +70,33 @@ def test_a_twist_is_integrated_where_the_orientation_is_left_zero_as_well(minute
     assert LEADS in done.told
 
 
+@pytest.mark.parametrize("settings", [(), (NO_LASER,)], ids=["laser", "wheels"])
+def test_a_twist_is_integrated_for_the_part_of_the_pose_that_is_not_filled(
+    settings: tuple[str, ...], minute: Simulated
+) -> None:
+    speeds, bound_m = twists(minute), WHEELS_M if settings else 0.03
+
+    def heading_alone(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=Pose2(0.0, 0.0, m.pose.theta), twist=speeds[k])
+
+    def position_alone(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=Pose2(m.pose.x, m.pose.y, 0.0), twist=speeds[k])
+
+    for how in (heading_alone, position_alone):
+        done = fed(with_odometry(minute, how), *settings)
+        assert LEADS in done.told
+        assert done.ate_m(minute.truth) < bound_m
+
+
 def test_a_pose_that_changes_after_all_is_used_again(minute: Simulated) -> None:
-    """A twist that is what was commanded, of a robot that is held: its pose stands, and it is right."""
-    held = 100
-    done = fed(with_odometry(minute, lambda m, _: replace(m, twist=(0.4, 0.0, 0.0))))
-    assert LEADS not in done.told
-    first = odometry_of(minute)[0].pose
-    late = with_odometry(minute, lambda m, k: replace(m, pose=first if k < held else m.pose, twist=(0.4, 0.0, 0.0)))
-    assert [text for text in fed(late).told if text in (LEADS, ENDS)] == [LEADS, ENDS]
+    """The twist is what was commanded, of a robot that is held: its pose stands, and that is right."""
+    speeds, first = twists(minute), odometry_of(minute)[0].pose
+    assert LEADS not in fed(with_odometry(minute, lambda m, k: replace(m, twist=speeds[k]))).told
+
+    def held(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=first, twist=(0.4, 0.0, 0.1)) if k < 100 else replace(m, twist=speeds[k])
+
+    assert [text for text in fed(with_odometry(minute, held)).told if text in (LEADS, ENDS)] == [LEADS, ENDS]
 
 
 def test_a_robot_that_stands_beside_a_noisy_gyroscope_does_not_move(minute: Simulated) -> None:
