@@ -40,10 +40,13 @@ def twists(drive: Simulated) -> list[tuple[float, float, float]]:
     return out
 
 
-def without_orientation(arrival: Arrival) -> Arrival:
-    """The same message, with a quaternion of zeros."""
+def oriented(arrival: Arrival, length: float) -> Arrival:
+    """The same message of odometry, with a quaternion of this length; any other arrival as it is."""
+    if not isinstance(arrival.measurement, Odometry):
+        return arrival
     message, _ = to_message(arrival.measurement)
-    message.pose.pose.orientation.z = message.pose.pose.orientation.w = 0.0
+    message.pose.pose.orientation.z *= length
+    message.pose.pose.orientation.w *= length
     return replace(arrival, data=bytes(TYPESTORE.serialize_cdr(message, ODOMETRY)))
 
 
@@ -65,19 +68,38 @@ def test_a_twist_is_integrated_where_the_pose_never_changes(
 def test_a_twist_is_integrated_where_the_orientation_is_left_zero_as_well(minute: Simulated) -> None:
     speeds = twists(minute)
     zeros = with_odometry(minute, lambda m, k: replace(m, pose=Pose2(), twist=speeds[k]))
-    done = fed([without_orientation(a) if isinstance(a.measurement, Odometry) else a for a in zeros])
+    done = fed([oriented(a, 0.0) for a in zeros])
     assert done.ate_m(minute.truth) < 0.03
     assert LEADS in done.told
 
 
+@pytest.mark.parametrize("settings", [(), (NO_LASER,)], ids=["laser", "wheels"])
+def test_a_twist_is_integrated_for_the_part_of_the_pose_that_is_not_filled(
+    settings: tuple[str, ...], minute: Simulated
+) -> None:
+    speeds, bound_m = twists(minute), WHEELS_M if settings else 0.03
+
+    def heading_alone(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=Pose2(0.0, 0.0, m.pose.theta), twist=speeds[k])
+
+    def position_alone(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=Pose2(m.pose.x, m.pose.y, 0.0), twist=speeds[k])
+
+    for how in (heading_alone, position_alone):
+        done = fed(with_odometry(minute, how), *settings)
+        assert LEADS in done.told
+        assert done.ate_m(minute.truth) < bound_m
+
+
 def test_a_pose_that_changes_after_all_is_used_again(minute: Simulated) -> None:
-    """A twist that is what was commanded, of a robot that is held: its pose stands, and it is right."""
-    held = 100
-    done = fed(with_odometry(minute, lambda m, _: replace(m, twist=(0.4, 0.0, 0.0))))
-    assert LEADS not in done.told
-    first = odometry_of(minute)[0].pose
-    late = with_odometry(minute, lambda m, k: replace(m, pose=first if k < held else m.pose, twist=(0.4, 0.0, 0.0)))
-    assert [text for text in fed(late).told if text in (LEADS, ENDS)] == [LEADS, ENDS]
+    """The twist is what was commanded, of a robot that is held: its pose stands, and that is right."""
+    speeds, first = twists(minute), odometry_of(minute)[0].pose
+    assert LEADS not in fed(with_odometry(minute, lambda m, k: replace(m, twist=speeds[k]))).told
+
+    def held(m: Odometry, k: int) -> Odometry:
+        return replace(m, pose=first, twist=(0.4, 0.0, 0.1)) if k < 100 else replace(m, twist=speeds[k])
+
+    assert [text for text in fed(with_odometry(minute, held)).told if text in (LEADS, ENDS)] == [LEADS, ENDS]
 
 
 def test_a_robot_that_stands_beside_a_noisy_gyroscope_does_not_move(minute: Simulated) -> None:
@@ -86,8 +108,13 @@ def test_a_robot_that_stands_beside_a_noisy_gyroscope_does_not_move(minute: Simu
     assert LEADS not in done.told
 
 
+@pytest.mark.parametrize("length", [0.01, 0.5, 3.0])
+def test_orientations_may_have_any_length(length: float, minute: Simulated) -> None:
+    assert fed([oriented(a, length) for a in minute.arrivals]).ate_m(minute.truth) < SOUND_M
+
+
 def test_orientations_that_are_left_zero_are_told_and_the_laser_leads(minute: Simulated) -> None:
-    done = fed([without_orientation(a) if isinstance(a.measurement, Odometry) else a for a in minute.arrivals])
+    done = fed([oriented(a, 0.0) for a in minute.arrivals])
     assert HEADLESS in done.told
     assert any("the laser leads" in text for text in done.told)
     assert done.ate_m(minute.truth) < 0.1

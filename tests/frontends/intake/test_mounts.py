@@ -82,3 +82,63 @@ def test_an_unknown_frame_is_at_base_link_and_warned_of_once() -> None:
     assert list(mounts.warn_of_unknown(scan("base_link"))) == []
     warned = [len(list(mounts.warn_of_unknown(scan(f"laser_{k}")))) for k in range(2 * MOST_WARNED)]
     assert sum(warned) == MOST_WARNED - 1
+
+
+def chained(*edges: tuple[str, str]) -> Mounts:
+    mounts = Mounts(LidarConfig())
+    for parent, child in edges:
+        mounts.add(StaticTransform(parent, child, AHEAD, UPRIGHT))
+    return mounts
+
+
+def test_the_base_is_the_odometrys_where_transforms_lead_from_it() -> None:
+    mounts = chained(("base_footprint", "base_link"), ("base_link", "laser"))
+    assert mounts.of("laser").planar.x == pytest.approx(0.3)
+    mounts.follow_odometry("/base_footprint")
+    assert mounts.of("/laser").planar.x == pytest.approx(0.6)
+    assert list(mounts.warn_of_unknown(scan("laser"))) == []
+
+
+def test_a_frame_that_is_set_goes_before_the_odometrys() -> None:
+    mounts = Mounts(LidarConfig(), "/chassis")
+    mounts.add(StaticTransform("chassis", "laser", AHEAD, UPRIGHT))
+    mounts.follow_odometry("wheels")
+    assert mounts.knows("laser")
+    assert list(mounts.warn_of_unknown(scan("laser"))) == []
+
+
+def test_sweeps_wait_until_their_mount_is_known_or_they_have_waited() -> None:
+    mounts = Mounts(LidarConfig())
+    assert mounts.awaits("laser")
+    assert not mounts.awaits("base_link")
+    mounts.settle("/laser")
+    assert not mounts.awaits("laser")
+    assert not chained(("base_link", "laser")).awaits("laser")
+
+
+@pytest.mark.parametrize(("x", "z", "changes"), [(0.0, 0.3, 0), (0.3, 0.0, 1)])
+def test_a_height_alone_changes_nothing_for_a_planar_scan(x: float, z: float, changes: int) -> None:
+    mounts = Mounts(LidarConfig())
+    mounts.mark_used(scan("laser"))
+    mounts.add(transform((x, 0.0, z)))
+    assert len(mounts.changes()) == changes
+    assert mounts.changes() == []
+
+
+FRAMES = st.sampled_from(["base_link", "base_footprint", "/laser", "laser", "mast", "", "odom"])
+MOVES = st.sampled_from([(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, math.nan, 0.0), (1e300, 0.0, 0.0), (99.0, 99.0, 0.0)])
+TURNS = st.sampled_from([UPRIGHT, (0.0, 0.0, 2.0, 0.0), (0.0, 0.0, 0.0, 0.0), (math.inf, 0.0, 0.0, 1.0)])
+
+
+@given(st.lists(st.tuples(st.builds(StaticTransform, FRAMES, FRAMES, MOVES, TURNS), st.booleans(), FRAMES)))
+def test_no_transforms_break_anything(sent: list[tuple[StaticTransform, bool, str]]) -> None:
+    mounts = Mounts(LidarConfig())
+    for t, declared, base in sent:
+        mounts.add(t, declared)
+        mounts.follow_odometry(base)
+        assert all("'laser'" in text for text in mounts.changes())
+        list(mounts.warn_of_unknown(scan("laser")))
+        mounts.mark_used(scan("laser"))
+        mount = mounts.of("laser")
+        assert np.isfinite(mount.rotation).all()
+        assert np.linalg.norm(mount.translation) <= FURTHEST_M

@@ -142,6 +142,20 @@ def test_static_transforms_put_before_are_requested_and_received_once(key: str) 
     assert found[-1] == mount("laser2")
 
 
+@pytest.mark.parametrize("key", ["tf", f"0/tf/{TF_TYPE}/{HASH}"])
+def test_transforms_are_received_but_for_the_sessions_own(key: str) -> None:
+    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
+    inbox = MessageQueue[Received](limits_of(config))
+    with (
+        open_session(config) as session,
+        Subscribers(session, config, RecordingConfig().topics, inbox),
+        open_guest_session(config) as peer,
+    ):
+        session.put(key, mount("own"))
+        Listening(config, inbox, peer).put(key, mount("laser"))
+        assert Listening(config, inbox, peer).popped() == [(Sensor.TF, Encoding.CDR, mount("laser"))]
+
+
 def _latched(peer: zenoh.Session, key: str) -> Any:  # noqa: ANN401 - zenoh's advanced publisher
     return declare_advanced_publisher(peer, key, cache=CacheConfig(max_samples=1), publisher_detection=True)
 
