@@ -42,7 +42,7 @@ class Fragments:
         if not walks_on:
             self._begin = scan
         self._before = scan
-        if not self.joins:
+        if not (self.joins and _is_part(scan)):
             return [*self.finish(), scan]
         out = self.finish() if returns or not self._continues(scan) else []
         self._turn.append((self._first_beam(scan), scan))
@@ -91,7 +91,8 @@ class Fragments:
 
 def _is_part(scan: LaserScan) -> bool:
     """Whether a scan may be part of a turn, and is not nearly all of it."""
-    return 0 < abs(scan.angle_increment) * len(scan.ranges) < MOST_SHARE * TURN_RAD
+    step = abs(scan.angle_increment)
+    return step * MOST_BEAMS >= TURN_RAD and 0 < step * len(scan.ranges) < MOST_SHARE * TURN_RAD
 
 
 def _is_near(a: float, b: float, scan: LaserScan) -> bool:
@@ -100,7 +101,7 @@ def _is_near(a: float, b: float, scan: LaserScan) -> bool:
 
 
 def _beams_of_turn(scan: LaserScan) -> int:
-    return max(1, min(MOST_BEAMS, round(TURN_RAD / abs(scan.angle_increment))))
+    return max(1, round(TURN_RAD / abs(scan.angle_increment)))
 
 
 def _joined(turn: list[tuple[int, LaserScan]]) -> LaserScan:

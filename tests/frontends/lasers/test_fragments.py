@@ -83,3 +83,13 @@ def test_any_scans_go_through_and_none_is_larger_than_a_turn(scans: list[tuple[f
     out += joining.finish()
     assert sum(int(np.isfinite(scan.ranges).sum()) for scan in out) <= beams
     assert all(scan.time_increment_s >= 0 for scan in out)
+
+
+@given(st.floats(-9, 9), st.floats(-1, 1) | st.sampled_from([0.0, 1e-308]), st.integers(0, 500))
+def test_any_scan_may_come_between_fragments(begin: float, step: float, count: int) -> None:
+    joining, odd, out = Fragments(), np.ones(count, np.float32), []
+    for number, piece in enumerate(fragments(12, 4)):
+        out += joining.add(piece)
+        if number % 7 == 6:
+            out += joining.add(LaserScan(piece.stamp_ns, "laser", odd, begin, step, 0.1, 30.0))
+    assert max(len(scan.ranges) for scan in out + joining.finish()) <= 500 + 360
