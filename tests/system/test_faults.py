@@ -64,7 +64,7 @@ FAULTS = {
         clock_set_back,
         {"/odom": {"stamp_jumped_back": 4}, "/scan": {"stamp_jumped_back": 4}, "/wifi": {"stamp_jumped_back": 1}},
         poses=597,
-        warnings=("the clock was set back: stamps are shifted by +10.000 s from here on",),
+        warnings=("odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",),
     ),
     "clock set back by 10 s, without the laser": Fault(
         clock_set_back,
@@ -75,7 +75,7 @@ FAULTS = {
         },
         bound_m=WHEELS_M,
         poses=597,
-        warnings=("the clock was set back: stamps are shifted by +10.000 s from here on",),
+        warnings=("odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",),
         settings=OFF,
     ),
     "clock set back twice": Fault(
@@ -83,8 +83,8 @@ FAULTS = {
         {"/odom": {"stamp_jumped_back": 8}, "/scan": {"stamp_jumped_back": 8}, "/wifi": {"stamp_jumped_back": 2}},
         poses=593,
         warnings=(
-            "the clock was set back: stamps are shifted by +10.000 s from here on",
-            "the clock was set back: stamps are shifted by +15.000 s from here on",
+            "odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",
+            "odometry: its clock was set back by 5.000 s; its stamps are shifted by +15.000 s from here on",
         ),
     ),
     "repeated messages": Fault(
