@@ -9,6 +9,8 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.calibration_file import parse_calibration, read_calibration
 from wayfi.recordings.log import Log, NullLog
@@ -86,7 +88,7 @@ def replay(
     except BaseException:
         log.close()  # it still holds what led here
         raise
-    if len(result.stamps_ns) == 0:
+    if len(result.stamps_ns) == 0 or _stands_still(result, drive):
         raise ReplayError(_nothing_usable(recording_path, drive, sought, replayer.unused))
     warnings = recording.warnings + sought + playback.warnings
     warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
@@ -127,9 +129,14 @@ def _make_folder(out: Path) -> None:
         raise ReplayError(f"{out}: cannot be made: {error.strerror}") from None
 
 
+def _stands_still(result: DriveEstimate, drive: Drive) -> bool:
+    """Whether nothing but the first odometry has been used, and all that followed was dropped."""
+    return len(result.stamps_ns) == 1 and drive.topics[Sensor.ODOM] in drive.counters.dropped
+
+
 def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[str, str]) -> str:
     dropped = Counter({f"{t} {r}": n for t, reasons in drive.counters.dropped.items() for r, n in reasons.items()})
-    why = sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
+    why = drive.counters.warnings + sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
     why += [f"{n} x {what}" for what, n in dropped.items()]
     wanted = f"{drive.config.recording.odom} or {drive.config.recording.scan}"
     return f"{path}: nothing usable on {wanted}; see `wayfi inspect`" + (f": {'; '.join(why)}" if why else "")

@@ -95,7 +95,13 @@ FAULTS = {
         all_of(LaserScan, lambda a: a.delayed(35.0)),
         {"/scan": {"too_late": 300}},
         bound_m=WHEELS_M,
-        warnings=laser_complaint(LATE, ends=True),
+        warnings=(
+            *laser_complaint(LATE),
+            "/scan: 50 of its 50 messages are not used: their stamps are -34.9 s from the odometry's newest, "
+            "which is too old; send them sooner, or synchronise the clocks",
+            *laser_complaint(LATE, ends=True)[1:],
+            "/scan: its messages are used again",
+        ),
     ),
     "WiFi half a minute late": Fault(
         all_of(WifiScan, lambda a: a.delayed(35.0)),
@@ -141,7 +147,13 @@ FAULTS = {
         ),
     ),
     "the laser's clock far ahead": Fault(
-        all_of(LaserScan, lambda a: a.stamped(100.0)), {"/scan": {"ahead_of_odometry": 600}}, bound_m=WHEELS_M
+        all_of(LaserScan, lambda a: a.stamped(100.0)),
+        {"/scan": {"ahead_of_odometry": 600}},
+        bound_m=WHEELS_M,
+        warnings=(
+            "/scan: 50 of its 50 messages are not used: their stamps are +99.9 s from the odometry's newest; "
+            "synchronise the clocks",
+        ),
     ),
     "the phones' clocks far ahead": Fault(
         all_of(WifiScan, lambda a: a.stamped(100.0)),
