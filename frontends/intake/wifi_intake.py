@@ -60,6 +60,8 @@ class WifiIntake:
             return
         readings, dropped = usable_readings(m)
         yield from (Dropped(Sensor.WIFI, stamp_ns, reason) for reason in dropped)
+        if not (yield from self._watch.check_readings(stamp_ns, m)):
+            return
         if not readings.bssids:
             yield Dropped(Sensor.WIFI, stamp_ns, DropReason.NO_READINGS)
             return

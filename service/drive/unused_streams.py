@@ -23,13 +23,12 @@ REMEDIES = {
     DropReason.ABSURD_RSSI: "their RSSI is outside -120 to 0; send dBm, neither per cent nor values without sign",
     DropReason.TOO_MANY_RECEIVERS: "there are too many receivers; name a receiver, not a scan, in header.frame_id",
     DropReason.TOO_MANY_WAIT: "they wait for odometry that does not come; synchronise the sensors' clocks",
-    DropReason.NO_POSE: "they wait for odometry of their stamps, which are {off_s:+.1f} s from its newest; "
-    "synchronise the sensors' clocks",
-    DropReason.TOO_LATE: "their stamps are {off_s:+.1f} s from the odometry's newest, which is too old; "
-    "send them sooner, or synchronise the clocks",
-    DropReason.AHEAD: "their stamps are {off_s:+.1f} s from the odometry's newest; synchronise the clocks",
+    DropReason.NO_POSE: "they wait for odometry of their stamps, which are {off}; synchronise the sensors' clocks",
+    DropReason.TOO_LATE: "their stamps are {off}, which is too old; send them sooner, or synchronise the clocks",
+    DropReason.AHEAD: "their stamps are {off}; synchronise the clocks",
     DropReason.IMPLAUSIBLE_MOTION: "their poses are further off than any robot drives; send m",
-    DropReason.OTHER_LASER: "another kind of laser came first and is used; leave its topic out to use this one",
+    DropReason.OTHER_LASER: "another laser came first and is used; to use this one, give the other a topic that "
+    "is not there (--set recording.scan=/none, or recording.points=/none)",
 }
 
 
@@ -45,18 +44,24 @@ class _Stream:
 
 
 class UnusedStreams:
-    """Watches what is dropped of each topic; a complaint lasts while nearly all of its messages are."""
+    """Watches what is dropped of each topic; a complaint lasts while nearly all of its messages are.
+
+    What a sensor's own watch complains of by its reason is not told again.
+    """
 
     def __init__(self, topics: Mapping[Sensor, str]) -> None:
         self._topics = topics
         self._streams: dict[str, _Stream] = {}
         self._newest: dict[str, Dropped] = {}
+        self._told: set[str] = set()
 
     def judge(self, messages: Mapping[str, int], events: Iterable[Event], now_ns: int) -> list[Event]:
         """The complaints that begin or end with these events.
 
         `messages` counts those of each topic so far, and `now_ns` is the newest odometry's stamp.
         """
+        events = list(events)
+        self._told |= {e.complaint.rpartition(".")[2] for e in events if isinstance(e, Warned)}
         dropped = [event for event in events if isinstance(event, Dropped)]
         for event in dropped:
             self._count(event, messages)
@@ -93,8 +98,7 @@ class UnusedStreams:
         stream.complaint = complaint
         stream.begun, stream.block = messages, Counter()
 
-    @staticmethod
-    def _complaint(dropped: Counter[DropReason], messages: int) -> DropReason | None:
+    def _complaint(self, dropped: Counter[DropReason], messages: int) -> DropReason | None:
         """The reason for which nearly all messages are dropped; None where they are not, or it is told otherwise."""
         whole = Counter({reason: count for reason, count in dropped.items() if reason not in OF_READINGS})
         if not whole or whole.total() < UNUSED_SHARE * messages:
@@ -102,12 +106,15 @@ class UnusedStreams:
         reason = whole.most_common(1)[0][0]
         if reason is DropReason.NO_READINGS:
             reason = max(OF_READINGS & dropped.keys(), key=dropped.__getitem__, default=reason)
-        return reason if reason in REMEDIES else None
+        return reason if reason in REMEDIES and reason not in self._told else None
 
     def _text(self, topic: str, dropped: Counter[DropReason], messages: int, now_ns: int) -> str:
         reason = self._complaint(dropped, messages)
         assert reason
         stamp_ns = self._newest[topic].stamp_ns
-        why = REMEDIES[reason].format(stamp_s=stamp_ns / SECOND_NS, off_s=(stamp_ns - now_ns) / SECOND_NS)
+        off = (
+            f"{(stamp_ns - now_ns) / SECOND_NS:+.1f} s from the odometry's newest" if now_ns else "before any odometry"
+        )
+        why = REMEDIES[reason].format(stamp_s=stamp_ns / SECOND_NS, off=off)
         unused = min(sum(n for r, n in dropped.items() if r not in OF_READINGS), messages)
         return f"{topic}: {unused} of its {messages} messages are not used: {why}"

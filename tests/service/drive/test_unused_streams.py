@@ -12,7 +12,7 @@ TOPICS = {sensor: f"/{sensor}" for sensor in Sensor}
 TOLD_OTHERWISE = {
     *(DropReason.UNDECODABLE, DropReason.INTERNAL_ERROR),  # with the error's own words
     *(DropReason.TOO_MANY_READINGS, DropReason.CONSTANT_LEVELS, DropReason.RANDOMISED_BSSIDS),  # of the receiver
-    *(DropReason.NO_RETURN, DropReason.CLOCK_OFF),  # of the laser, or of the receiver
+    *(DropReason.NO_RETURN, DropReason.CLOCK_OFF, DropReason.ABSURD_AGE),  # of the laser, or of the receiver
     *(DropReason.NO_TRANSFORM, DropReason.ABSURD_MOUNT, DropReason.TOO_MANY_FRAMES),  # of the frame
     *(DropReason.LOOP_OF_FRAMES, DropReason.RESTLESS_MOUNT, DropReason.OTHER_SOURCE),  # as above
     DropReason.SENSOR_OFF,  # as the configuration wants it
@@ -52,7 +52,7 @@ def test_a_stream_that_is_dropped_whole_is_told_once(reason: DropReason, count: 
     (text,) = drive.finish()
     number = min(count, BLOCK)
     assert text.startswith(f"/scan: {number} of its {number} messages are not used: ")
-    assert text.endswith(REMEDIES[reason].format(stamp_s=12.0, off_s=2.0))
+    assert text.endswith(REMEDIES[reason].format(stamp_s=12.0, off="+2.0 s from the odometry's newest"))
 
 
 @pytest.mark.parametrize("reason", sorted(TOLD_OTHERWISE))
@@ -87,6 +87,14 @@ def test_scans_without_a_usable_reading_are_told_by_what_is_wrong_with_their_rea
     drive.add(9, *[DropReason.ABSURD_RSSI] * 20, DropReason.MALFORMED_BSSID, DropReason.NO_READINGS, sensor=Sensor.WIFI)
     (text,) = drive.finish()
     assert text == f"/wifi: 9 of its 9 messages are not used: {REMEDIES[DropReason.ABSURD_RSSI]}"
+
+
+def test_what_a_receiver_is_complained_of_is_not_told_again() -> None:
+    drive = Drive()
+    warned = Warned(0, "its RSSI is in per cent", f"phone.b.{DropReason.ABSURD_RSSI}")
+    drive.told += drive.unused.judge(drive.messages, [warned], 0)
+    drive.add(2 * BLOCK, DropReason.ABSURD_RSSI, DropReason.NO_READINGS, sensor=Sensor.WIFI)
+    assert drive.finish() == []
 
 
 def test_of_several_reasons_the_commonest_is_told() -> None:
