@@ -26,6 +26,7 @@ class DropReason(StrEnum):
     NO_READINGS = "no_readings"
     MALFORMED_BSSID = "malformed_bssid"
     ABSURD_RSSI = "absurd_rssi"
+    ABSURD_AGE = "absurd_age"
     TOO_MANY_READINGS = "too_many_readings"
     TOO_MANY_RECEIVERS = "too_many_receivers"
     TOO_MANY_WAIT = "too_many_wait"

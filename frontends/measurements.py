@@ -122,3 +122,14 @@ class MovingTransforms:
 
 Sweep = LaserScan | PointCloud
 Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms | MovingTransforms
+
+
+def content_of(m: LaserScan | PointCloud | WifiScan) -> bytes:
+    """What was measured, the stamp left out."""
+    match m:
+        case LaserScan():
+            return m.ranges.tobytes()
+        case PointCloud():
+            return m.points.tobytes()
+        case WifiScan():
+            return m.rssi.tobytes() + " ".join(m.bssids).encode("utf-8", "replace")

@@ -8,6 +8,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
+from wayfi.frontends.intake.sensor_clock import SensorClock
 from wayfi.frontends.intake.stand_ins import StandIns
 from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.intake.wifi_intake import WifiIntake
@@ -24,11 +25,13 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     Sweep,
     WifiScan,
+    content_of,
 )
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.frontends.odometry.odometry_config import calibration_prior
+from wayfi.frontends.odometry.timebase import told_of
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_corrections import ScanCorrections
@@ -49,9 +52,10 @@ class Pipeline:
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
+        self._clocks: dict[str, SensorClock] = {}
         self._scans = ScanIntake(config.lidar, config.odometry.base_frame)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry)
-        self._wifi = WifiIntake(config.wifi)
+        self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
         self._trajectories = Trajectories()
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
@@ -127,7 +131,9 @@ class Pipeline:
     def _use_odometry(
         self, sensor: Sensor, accepted: Accepted, m: Odometry, published: PosePublished | None = None
     ) -> Iterator[Event]:
-        yield from self._warn_of_shift(accepted.stamp_ns, accepted.shift_ns)
+        if accepted.shift_ns:
+            told = told_of(-accepted.shift_ns, self._odometry.time.offset_ns)
+            yield Warned(accepted.stamp_ns, f"odometry: {told}")
         if accepted.dropped:
             yield Dropped(sensor, accepted.stamp_ns, accepted.dropped)
             return
@@ -173,11 +179,15 @@ class Pipeline:
             yield from self._add_sweep(sweep)
 
     def _add_sweep(self, sweep: Sweep) -> Iterator[Event]:
-        stamped = self._odometry.time.accept(self._scans.laser_of(sweep).stream, sweep.stamp_ns)
-        yield from self._warn_of_shift(stamped.stamp_ns, stamped.shift_ns)
+        laser = self._scans.laser_of(sweep)
+        stamped = self._clock_of(laser.stream).accept(sweep.stamp_ns, lambda: content_of(sweep))
+        if stamped.told:
+            yield Warned(stamped.stamp_ns, f"{laser.name}: {stamped.told}")
         if stamped.dropped:
             yield dropped(sweep, stamped.stamp_ns, stamped.dropped)
             return
+        if stamped.shift_ns < 0:
+            yield from self._scans.drop_ahead(stamped.stamp_ns)
         shifted_ns = yield from self._scans.add(stamped.stamp_ns, sweep, self._path.latest)
         if shifted_ns is None:
             return
@@ -270,7 +280,7 @@ class Pipeline:
         if not self._config.wifi.enabled:
             yield Dropped(Sensor.WIFI, m.stamp_ns, DropReason.SENSOR_OFF)
             return
-        yield from self._wifi.add(m, self._odometry.time.offset_ns, self._path.latest)
+        yield from self._wifi.add(m, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
 
     def _use_wifi(self, ready: Iterator[PlacedWifiScan | Event]) -> Iterator[Event]:
@@ -280,9 +290,7 @@ class Pipeline:
             elif self._slam.has_keyframes:
                 yield from self._slam.add_wifi(self.stamp_ns, scan)
 
-    def _warn_of_shift(self, stamp_ns: int, shift_ns: int) -> Iterator[Event]:
-        if shift_ns:
-            where = "back" if shift_ns > 0 else "forward again"
-            shift_s = self._odometry.time.offset_ns / SECOND_NS
-            text = f"the clock was set {where}: stamps are shifted by {shift_s:+.3f} s from here on"
-            yield Warned(stamp_ns, text)
+    def _clock_of(self, stream: str) -> SensorClock:
+        if stream not in self._clocks:
+            self._clocks[stream] = SensorClock(self._config.odometry.clock, self._odometry.time)
+        return self._clocks[stream]

@@ -104,10 +104,14 @@ class ScanIntake:
 
     def compare(self, odometry_ns: int, most_ahead_ns: int) -> Iterator[Event]:
         """Drop the sweeps stamped more than `most_ahead_ns` after the newest odometry; watch for silence."""
-        for ahead in self.queue.drop_ahead(odometry_ns + most_ahead_ns):
-            yield dropped(ahead, ahead.stamp_ns, DropReason.AHEAD)
+        yield from self.drop_ahead(odometry_ns + most_ahead_ns)
         for laser in self._lasers:
             yield from laser.watch.check_silence(odometry_ns)
+
+    def drop_ahead(self, stamp_ns: int) -> Iterator[Event]:
+        """Drop the sweeps that wait and are stamped after `stamp_ns`."""
+        for ahead in self.queue.drop_ahead(stamp_ns):
+            yield dropped(ahead, ahead.stamp_ns, DropReason.AHEAD)
 
     def shift_stamps(self, seconds: float) -> None:
         """Add `seconds` to the stamps of the sweeps from here on."""

@@ -6,9 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.events import Dropped, DropReason, Event
-from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan
+from wayfi.frontends.events import Dropped, DropReason, Event, Warned
+from wayfi.frontends.intake.sensor_clock import SensorClock
+from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan, content_of
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
+from wayfi.frontends.odometry.odometry_config import ClockConfig
+from wayfi.frontends.odometry.timebase import Stamped, TimeBase
 from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, usable_readings
 from wayfi.frontends.wifi.readings_by_place import ReadingsByPlace
 from wayfi.frontends.wifi.wifi_config import WifiConfig
@@ -35,24 +38,30 @@ class _Scan:
 class WifiIntake:
     """Drops the scans of faulty receivers and holds the others until they have a place on the path."""
 
-    def __init__(self, config: WifiConfig) -> None:
+    def __init__(self, config: WifiConfig, clock: ClockConfig, odometry: TimeBase) -> None:
         self._early_ns, self._wait_ns = round(config.first_pose_s * SECOND_NS), round(config.odometry_s * SECOND_NS)
         self._watch = WifiWatch(config.watch)
         self._by_place = ReadingsByPlace(config.by_place)
-        self._last_ns: dict[str, int] = {}
+        self._clock, self._odometry = clock, odometry
+        self._clocks: dict[str, SensorClock] = {}
         self._waiting: list[_Scan] = []
         self._first: PathPoint | None = None
 
-    def add(self, m: WifiScan, offset_ns: int, latest: PathPoint | None) -> Iterator[Event]:
-        """Add the next scan; `offset_ns` is the time base's, `latest` the end of the driven path."""
-        stamp_ns = m.stamp_ns + offset_ns
-        if refused := self._refuses(m.receiver, stamp_ns):
-            yield Dropped(Sensor.WIFI, stamp_ns, refused)
+    def add(self, m: WifiScan, latest: PathPoint | None) -> Iterator[Event]:
+        """Add the next scan; `latest` is the end of the driven path."""
+        stamped = self._stamp(m)
+        stamp_ns = stamped.stamp_ns
+        if stamped.told:
+            yield Warned(stamp_ns, f"WiFi receiver {m.receiver!r}: {stamped.told}")
+        if stamped.dropped:
+            yield Dropped(Sensor.WIFI, stamp_ns, stamped.dropped)
             return
         if not (yield from self._watch.count(stamp_ns, m.receiver, len(m.bssids))):
             return
         readings, dropped = usable_readings(m)
         yield from (Dropped(Sensor.WIFI, stamp_ns, reason) for reason in dropped)
+        if not (yield from self._watch.check_readings(stamp_ns, m)):
+            return
         if not readings.bssids:
             yield Dropped(Sensor.WIFI, stamp_ns, DropReason.NO_READINGS)
             return
@@ -89,19 +98,13 @@ class WifiIntake:
         for scan in self._waiting:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.NO_POSE)
 
-    def _refuses(self, receiver: str, stamp_ns: int) -> DropReason | None:
-        """Why a scan is dropped unread: too many receivers, or a stamp out of order.
-
-        The order is judged against the scan just before alone: where a phone's clock was set back, the comparison with
-        the odometry decides.
-        """
-        if receiver not in self._last_ns and len(self._last_ns) >= MOST_RECEIVERS:
-            return DropReason.TOO_MANY_RECEIVERS
-        last_ns = self._last_ns.get(receiver)
-        self._last_ns[receiver] = stamp_ns
-        if last_ns is None or stamp_ns > last_ns:
-            return None
-        return DropReason.DUPLICATE if stamp_ns == last_ns else DropReason.STAMP_BACK
+    def _stamp(self, m: WifiScan) -> Stamped:
+        """The stamp of a scan on the time base, or why it is dropped unread."""
+        if m.receiver not in self._clocks:
+            if len(self._clocks) >= MOST_RECEIVERS:
+                return Stamped(m.stamp_ns, DropReason.TOO_MANY_RECEIVERS)
+            self._clocks[m.receiver] = SensorClock(self._clock, self._odometry)
+        return self._clocks[m.receiver].accept(m.stamp_ns, lambda: content_of(m))
 
     def _compared(self, scan: _Scan, ahead_ns: int) -> Generator[Event, None, list[_Scan]]:
         """The scan, compared, as the generator's return value; nothing where its clock is wrong."""

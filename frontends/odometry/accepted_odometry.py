@@ -75,7 +75,7 @@ class AcceptedOdometry:
     def _add(self, m: Odometry, sensor: Sensor) -> Accepted:
         if fault := fault_of(m.pose):
             return Accepted(m.stamp_ns, dropped=fault)
-        stamped = self.time.accept(sensor, m.stamp_ns)
+        stamped = self.time.accept(m.stamp_ns, sensor)
         if stamped.dropped:
             return Accepted(stamped.stamp_ns, None, stamped.dropped, stamped.shift_ns)
         ended = sensor is Sensor.ODOM and self._end_stand_in()

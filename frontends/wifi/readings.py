@@ -15,6 +15,8 @@ from wayfi.frontends.odometry.driven_path import PathPoint
 
 LOWEST_DBM, HIGHEST_DBM = -120.0, 0.0  # thermal noise in 20 MHz is -101 dBm; 1 m from 100 mW it is -20
 BSSID = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
+_OCTETS = re.compile(r"[0-9a-f]{1,2}(:[0-9a-f]{1,2}){5}|[0-9a-f]{1,2}(-[0-9a-f]{1,2}){5}")  # macOS drops leading zeros
+_BARE = re.compile(r"[0-9a-f]{12}|[0-9a-f]{4}(\.[0-9a-f]{4}){2}|[0-9a-f]{6}[-:][0-9a-f]{6}")  # Cisco's dots, HP's dash
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +39,19 @@ class PlacedWifiScan:
     point: PathPoint
     readings: Readings
     taken_m: Floats
+
+
+def bssid_of(text: str) -> str:
+    """The BSSID in `text` as lower-case colon hex; a form that is not known stays as it is, without blanks around."""
+    text = text.strip(" \t\r\n\0").lower()
+    if BSSID.fullmatch(text):
+        return text
+    if _OCTETS.fullmatch(text):
+        return ":".join(octet.zfill(2) for octet in text.replace("-", ":").split(":"))
+    if _BARE.fullmatch(text):
+        digits = re.sub("[-:.]", "", text)
+        return ":".join(digits[i : i + 2] for i in range(0, 12, 2))
+    return text
 
 
 def usable_readings(scan: WifiScan) -> tuple[Readings, list[DropReason]]:

@@ -19,6 +19,13 @@ class WifiWatchConfig:
         18, "", "of the latest 20 heard again have the same RSSI; real receivers were seen to repeat 9"
     )
     window_levels: int = option(20, "", "the latest heard again, as above: one or two scans")
+    faulty_readings: int = option(
+        18, "", "of the latest 20 have no BSSID, no dBm or an age that is too high: single ones do"
+    )
+    window_faulty: int = option(20, "", "the latest readings, as above: one or two scans")
+    old_s: float = option(
+        30.0, "s", "of age, for which the path is kept; of real phones' readings nine in ten are below 21"
+    )
     new_bssids: int = option(230, "", "of the latest 256 readings; real receivers were seen to have 145")
     window_readings: int = option(256, "", "the latest readings, as above: several scans")
 

@@ -7,11 +7,14 @@ like, some into one for each channel.
 import math
 from collections.abc import Generator, Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.complaints import Complaints, Fault
 from wayfi.frontends.events import Dropped, DropReason, Event
-from wayfi.frontends.measurements import SECOND_NS, Sensor
-from wayfi.frontends.wifi.readings import Readings
+from wayfi.frontends.measurements import SECOND_NS, Sensor, WifiScan
+from wayfi.frontends.wifi.readings import BSSID, HIGHEST_DBM, LOWEST_DBM, Readings
 from wayfi.frontends.wifi.wifi_config import WifiWatchConfig
 
 KNOWN_BSSIDS = 1000  # remembered of a receiver, to bound memory: several places' worth, at 130 a place
@@ -47,6 +50,22 @@ class WifiWatch:
         text = f"its stamps are {where} the odometry's; its scans are not used (set its clock, or send them sooner)"
         lasts = yield from self._complaints.judge(stamp_ns, receiver, DropReason.CLOCK_OFF, [off], text)
         return (yield from _use(stamp_ns, DropReason.CLOCK_OFF if off or lasts else None))
+
+    def check_readings(self, stamp_ns: int, scan: WifiScan) -> Judgement:
+        """Judge how the readings of a scan are written: their BSSIDs, RSSI and ages."""
+        judge = self._complaints.judge
+        malformed = [not BSSID.fullmatch(bssid) for bssid in scan.bssids]
+        absurd = ~((scan.rssi >= LOWEST_DBM) & (scan.rssi <= HIGHEST_DBM))
+        aged = scan.age_s[(scan.age_s > 0.0) & (scan.age_s < np.inf)]
+        bad = next((bssid for bssid in scan.bssids if not BSSID.fullmatch(bssid)), "")
+        yield from judge(stamp_ns, scan.receiver, DropReason.MALFORMED_BSSID, malformed, _text_of_bssid(bad))
+        no_dbm = yield from judge(
+            stamp_ns, scan.receiver, DropReason.ABSURD_RSSI, absurd.tolist(), _text_of_rssi(scan.rssi[absurd])
+        )
+        old = yield from judge(
+            stamp_ns, scan.receiver, DropReason.ABSURD_AGE, (aged > self._config.old_s).tolist(), _text_of_age(aged)
+        )
+        return (yield from _use(stamp_ns, DropReason.NO_READINGS if no_dbm else DropReason.ABSURD_AGE if old else None))
 
     def compare_rssi(self, stamp_ns: int, receiver: str, readings: Readings, taken_m: Floats) -> Judgement:
         """Judge the usable readings of a scan, taken at `taken_m` (n,) m of the path."""
@@ -97,12 +116,41 @@ def faults(config: WifiWatchConfig) -> dict[str, Fault]:
     scans = config.window_scans
     return {
         DropReason.TOO_MANY_READINGS: Fault(1, scans, "its scans are of a usual size again"),
+        **{
+            reason: Fault(config.faulty_readings, config.window_faulty, ends)
+            for reason, ends in (
+                (DropReason.MALFORMED_BSSID, "its BSSIDs are in a form that is known again"),
+                (DropReason.ABSURD_RSSI, "its RSSI is in dBm again"),
+                (DropReason.ABSURD_AGE, "the ages of its readings are possible again"),
+            )
+        },
         DropReason.CLOCK_OFF: Fault(config.clock_faults, scans, "its stamps agree with the odometry's again"),
         DropReason.RANDOMISED_BSSIDS: Fault(
             config.new_bssids, config.window_readings, "it hears the same BSSIDs again"
         ),
         DropReason.CONSTANT_LEVELS: Fault(config.constant_levels, config.window_levels, "its RSSI changes again"),
     }
+
+
+def _text_of_bssid(bssid: str) -> str:
+    return f"its BSSIDs are in a form that is not known, such as {bssid[:40]!r}; such readings are not used"
+
+
+def _text_of_rssi(rssi: NDArray[np.float32]) -> str:
+    """What is told of RSSI (n,) that is none in dBm."""
+    finite = rssi[np.isfinite(rssi)]
+    if len(finite) == 0:
+        return "its RSSI is not a number; its scans are not used (send dBm)"
+    what = "hundredths of dBm? its scans are not used (divide by 100)"
+    if finite.max() > HIGHEST_DBM:
+        what = "per cent, or dBm without their sign? its scans are not used (send dBm; of per cent about p / 2 - 100)"
+    return f"its RSSI is {finite.min():g} to {finite.max():g}: {what}"
+
+
+def _text_of_age(aged: NDArray[np.float32]) -> str:
+    """What is told of the ages (n,) of readings, s."""
+    oldest = float(aged.max(initial=0.0))
+    return f"its readings have ages up to {oldest:g} s: are they in ms? its scans are not used (send seconds)"
 
 
 def _use(stamp_ns: int, refused: DropReason | None) -> Judgement:

@@ -20,6 +20,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
+from wayfi.frontends.wifi.readings import bssid_of
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.messages import PLANAR_INDICES
 from wayfi.recordings.ros.point_layout import points_of_cloud
@@ -57,8 +58,7 @@ def wifi_scan(
     age_s: Float32s,
 ) -> WifiScan:
     """The WiFi scan with these fields, BSSIDs converted to lower-case colon form."""
-    normal = tuple([bssid.lower().replace("-", ":") for bssid in bssids])
-    return WifiScan(stamp_ns, receiver, normal, rssi, age_s, tuple(ssids), tuple(frequency_mhz))
+    return WifiScan(stamp_ns, receiver, tuple(map(bssid_of, bssids)), rssi, age_s, tuple(ssids), tuple(frequency_mhz))
 
 
 def check_count(what: str, count: int, limit: int) -> None:

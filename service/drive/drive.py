@@ -15,6 +15,7 @@ from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.counters import Counters
 from wayfi.service.drive.timing import StageTimer
+from wayfi.service.drive.unused_streams import UnusedStreams
 
 
 class Drive:
@@ -24,6 +25,7 @@ class Drive:
         self.config = config
         self.topics = config.recording.topics
         self.counters = Counters(self.topics)
+        self.unused = UnusedStreams(self.topics)
         self.timer = StageTimer()
         self.pipeline = Pipeline(config, calibration, self.timer)
         self.log = log
@@ -59,7 +61,8 @@ class Drive:
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
         """Process a measurement, for which `published` has been published already; returns the events."""
         with self.timer("process"):
-            return self.pipeline.process(measurement, published)
+            events = self.pipeline.process(measurement, published)
+        return events + self.unused.judge(self.counters.messages, events, self.pipeline.stamp_ns)
 
     def show(self, events: list[Event]) -> None:
         """Count and log events; to be called after they were published, because logging takes longer."""
@@ -79,7 +82,8 @@ class Drive:
     def finish(self) -> DriveEstimate:
         """End the drive, close the log and return the result."""
         result, events = self.pipeline.finish()
-        self.show(events)
+        events += self.unused.judge(self.counters.messages, events, self.pipeline.stamp_ns)
+        self.show(events + self.unused.finish(self.counters.messages, self.pipeline.stamp_ns))
         self.log.close()
         return result
 

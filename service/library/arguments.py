@@ -25,6 +25,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     WifiScan,
 )
+from wayfi.frontends.wifi import readings
 from wayfi.frontends.wifi.readings import BSSID, HIGHEST_DBM, LOWEST_DBM
 from wayfi.recordings.ros.point_layout import MAX_POINTS
 from wayfi.recordings.ros.ros_measurements import MAX_BEAMS, MAX_NAME, MAX_READINGS
@@ -134,7 +135,7 @@ def mount_of(mount: object, frame_id: object) -> StaticTransforms:
 
 def bssid_of(bssid: object) -> str:
     """The BSSID in lower-case colon hex. Raises ArgumentError."""
-    text = bssid.strip().lower().replace("-", ":") if isinstance(bssid, str) else ""
+    text = readings.bssid_of(bssid) if isinstance(bssid, str) else ""
     if not BSSID.fullmatch(text):
         raise _refusal("rssi", "keyed by BSSIDs such as aa:bb:cc:dd:ee:ff", bssid, "an SSID is not unique")
     return text

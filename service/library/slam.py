@@ -42,6 +42,7 @@ class Slam:
     """One drive. Feed it what the sensors say, each with its stamp in integer nanoseconds of one clock.
 
     Messages of one sensor must come in the order of their stamps; those of different sensors may overtake each other.
+    A clock that is set on the way is followed, as in a recording: five messages in a row have to agree on it.
     Every `add_...` returns the events that became known by the message (wayfi.frontends.events), and raises
     ArgumentError, leaving everything as it was, for what cannot be right, and FinishedError after `finish`. It is not
     safe to use from several threads at a time.
@@ -70,7 +71,7 @@ class Slam:
         compile_first()
         self._drive = Drive(configured, prior, self._rrd or NullLog())
         self._swept: set[str] = set()  # the frames that scans came from
-        self._order = StampOrder()
+        self._order = StampOrder(round(configured.odometry.clock.lasting_jump_s * SECOND_NS))
         self._published: PosePublished | None = None
         self._drawn: GridRedrawn | None = None
         self._stamps_ns: tuple[int, int] | None = None

@@ -1,4 +1,4 @@
-"""Stamps of each sensor only rise, and not in steps that no sensor makes: else they are no nanoseconds."""
+"""Stamps of each sensor rise, unless its clock is set, and not in steps that no sensor makes: else they are no ns."""
 
 from dataclasses import dataclass
 
@@ -17,9 +17,14 @@ class _Stamps:
 
 
 class StampOrder:
-    """The newest stamp of each stream of messages."""
+    """The newest stamp of each stream of messages.
 
-    def __init__(self) -> None:
+    A stamp further back than `lasting_jump_ns` may be that of a clock that was set: it is for the pipeline to decide,
+    as of a recording.
+    """
+
+    def __init__(self, lasting_jump_ns: int) -> None:
+        self._lasting_jump_ns = lasting_jump_ns
         self._streams: dict[str, _Stamps] = {}
 
     def add(self, stream: str, stamp_ns: int) -> None:
@@ -28,11 +33,11 @@ class StampOrder:
         if known is None:
             self._streams[stream] = _Stamps(stamp_ns, stamp_ns)
             return
-        if stamp_ns <= known.last_ns:
+        if known.last_ns - self._lasting_jump_ns <= stamp_ns <= known.last_ns:
             raise ArgumentError(
                 f"t_ns: must be later than the {stream} before, at {known.last_ns}; it is {stamp_ns}{_hint(stamp_ns)}"
             )
-        if known.count == FIRST - 1 and stamp_ns - known.first_ns <= known.count * QUICKEST_NS:
+        if known.count == FIRST - 1 and 0 <= stamp_ns - known.first_ns <= known.count * QUICKEST_NS:
             raise ArgumentError(
                 f"t_ns: must be in nanoseconds; the first {FIRST} of {stream} would be within "
                 f"{stamp_ns - known.first_ns} ns, to {stamp_ns}{_hint(stamp_ns)}"

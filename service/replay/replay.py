@@ -84,7 +84,7 @@ def replay(
         replayer = _replayer(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
         playback = PlaybackRate(options.rate)
         result = _run(recording, replayer, playback, progress)
-        if len(result.stamps_ns) == 0:
+        if len(result.stamps_ns) == 0 or _stands_still(result, replayer.drive):
             raise ReplayError(_nothing_usable(recording_path, replayer.drive, sought, replayer.unused))
         warnings = recording.warnings + sought + playback.warnings
         warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
@@ -138,9 +138,14 @@ def _open_log(config: Config, rrd: bool, path: Path, recording_id: str) -> Log:
     return NullLog()
 
 
+def _stands_still(result: DriveEstimate, drive: Drive) -> bool:
+    """Whether nothing but the first odometry has been used, and all that followed was dropped."""
+    return len(result.stamps_ns) == 1 and drive.topics[Sensor.ODOM] in drive.counters.dropped
+
+
 def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[str, str]) -> str:
     dropped = Counter({f"{t} {r}": n for t, reasons in drive.counters.dropped.items() for r, n in reasons.items()})
-    why = sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
+    why = drive.counters.warnings + sought + [f"{topic} ({reason})" for topic, reason in unused.items()]
     why += [f"{n} x {what}" for what, n in dropped.items()]
     topics = drive.config.recording.every_topic
     wanted = " or ".join(topics[Sensor.ODOM] + topics[Sensor.SCAN])

@@ -64,7 +64,7 @@ FAULTS = {
         clock_set_back,
         {"/odom": {"stamp_jumped_back": 4}, "/scan": {"stamp_jumped_back": 4}, "/wifi": {"stamp_jumped_back": 1}},
         poses=597,
-        warnings=("the clock was set back: stamps are shifted by +10.000 s from here on",),
+        warnings=("odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",),
     ),
     "clock set back by 10 s, without the laser": Fault(
         clock_set_back,
@@ -75,7 +75,7 @@ FAULTS = {
         },
         bound_m=WHEELS_M,
         poses=597,
-        warnings=("the clock was set back: stamps are shifted by +10.000 s from here on",),
+        warnings=("odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",),
         settings=OFF,
     ),
     "clock set back twice": Fault(
@@ -83,8 +83,8 @@ FAULTS = {
         {"/odom": {"stamp_jumped_back": 8}, "/scan": {"stamp_jumped_back": 8}, "/wifi": {"stamp_jumped_back": 2}},
         poses=593,
         warnings=(
-            "the clock was set back: stamps are shifted by +10.000 s from here on",
-            "the clock was set back: stamps are shifted by +15.000 s from here on",
+            "odometry: its clock was set back by 10.000 s; its stamps are shifted by +10.000 s from here on",
+            "odometry: its clock was set back by 5.000 s; its stamps are shifted by +15.000 s from here on",
         ),
     ),
     "repeated messages": Fault(
@@ -95,7 +95,13 @@ FAULTS = {
         all_of(LaserScan, lambda a: a.delayed(35.0)),
         {"/scan": {"too_late": 300}},
         bound_m=WHEELS_M,
-        warnings=laser_complaint(LATE, ends=True),
+        warnings=(
+            *laser_complaint(LATE),
+            "/scan: 50 of its 50 messages are not used: their stamps are -34.9 s from the odometry's newest, "
+            "which is too old; send them sooner, or synchronise the clocks",
+            *laser_complaint(LATE, ends=True)[1:],
+            "/scan: its messages are used again",
+        ),
     ),
     "WiFi half a minute late": Fault(
         all_of(WifiScan, lambda a: a.delayed(35.0)),
@@ -141,7 +147,13 @@ FAULTS = {
         ),
     ),
     "the laser's clock far ahead": Fault(
-        all_of(LaserScan, lambda a: a.stamped(100.0)), {"/scan": {"ahead_of_odometry": 600}}, bound_m=WHEELS_M
+        all_of(LaserScan, lambda a: a.stamped(100.0)),
+        {"/scan": {"ahead_of_odometry": 600}},
+        bound_m=WHEELS_M,
+        warnings=(
+            "/scan: 50 of its 50 messages are not used: their stamps are +99.9 s from the odometry's newest; "
+            "synchronise the clocks",
+        ),
     ),
     "the phones' clocks far ahead": Fault(
         all_of(WifiScan, lambda a: a.stamped(100.0)),

@@ -15,6 +15,7 @@ from wayfi.backend.graph.health import State
 from wayfi.frontends.complaints import SILENT
 from wayfi.frontends.events import Dropped, DropReason, Event, FingerprintAdded, StateChanged, Warned
 from wayfi.frontends.measurements import LaserScan, Measurement, Sensor, WifiScan
+from wayfi.frontends.odometry.odometry_config import ClockConfig
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.wifi.wifi_config import WifiWatchConfig
 from wayfi.recordings.files.tum import read_tum
@@ -203,7 +204,6 @@ FAULTS: dict[str, tuple[Faulty, str]] = {
     "freezes": (frozen_from(70.0), DropReason.CONSTANT_LEVELS),
     "a clock 5 s behind": (clock_off(-5.0), DropReason.CLOCK_OFF),
     "a clock 5 s ahead": (clock_off(5.0), DropReason.CLOCK_OFF),
-    "a clock set back by 5.3 s": (clock_off(-5.3, 70.0), DropReason.CLOCK_OFF),
     "one scan of 1500 readings": (flooded(lambda s: 90.0 <= s < 91.0, stamp_of), DropReason.TOO_MANY_READINGS),
     "1500 readings in every scan": (flooded(lambda _: True, lambda _: 1), DropReason.TOO_MANY_READINGS),
     "randomised BSSIDs": (randomised, DropReason.RANDOMISED_BSSIDS),
@@ -228,6 +228,17 @@ def test_a_faulty_receiver_does_not_disturb_a_sound_one(fault: Faulty, wheels: R
     assert both.ate_m <= WORSE * clean.ate_m
     assert both.heard(SOUND) == clean.heard(SOUND)
     assert {w.complaint.split(".", 1)[0] for w in both.warnings} == {"faulty"}
+
+
+@pytest.mark.parametrize("step_s", [-5.3, 8.0])
+def test_a_clock_that_is_set_is_followed(step_s: float, drive: Recorded) -> None:
+    sound, faulty = drive.with_fault(lambda scan, _: scan), drive.with_fault(clock_off(step_s, 70.0))
+    receivers = {m.receiver for m in drive.measurements if isinstance(m, WifiScan)}
+    told = [e.text for e in faulty.events if isinstance(e, Warned) and "its clock was set" in e.text]
+    assert len(told) == len(receivers)
+    assert len(faulty.refused) <= ClockConfig().lasting_messages * len(receivers)
+    assert faulty.warnings == sound.warnings
+    assert faulty.ate_m <= WORSE * sound.ate_m + FLOOR_M
 
 
 def test_wifi_works_again_after_ten_minutes_of_silence(wheels: Recorded) -> None:

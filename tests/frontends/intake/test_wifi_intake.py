@@ -11,11 +11,12 @@ from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.odometry.driven_path import DrivenPath
-from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.odometry_config import ClockConfig, OdometryConfig
+from wayfi.frontends.odometry.timebase import TimeBase
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
-CONFIG = WifiConfig()
+CONFIG, CLOCK = WifiConfig(), ClockConfig()
 S = 1_000_000_000
 SPEED_M_S = 0.5
 
@@ -33,17 +34,21 @@ class Drive:
     """A robot that drives straight on, and what its intake gives and says."""
 
     path: DrivenPath = field(default_factory=lambda: DrivenPath(OdometryConfig()))
-    intake: WifiIntake = field(default_factory=lambda: WifiIntake(CONFIG))
+    time: TimeBase = field(default_factory=lambda: TimeBase(CLOCK))
     placed: list[PlacedWifiScan] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        self.intake = WifiIntake(CONFIG, CLOCK, self.time)
+
     def odometry(self, second: float) -> None:
+        self.time.accept(round(second * S))
         self._sort(self.intake.compare(round(second * S)))
         self.path.advance(round(second * S), Pose2(SPEED_M_S * second, 0.0, 0.0))
         self._sort(self.intake.ready(self.path))
 
     def hear(self, heard: WifiScan) -> None:
-        self._sort(self.intake.add(heard, 0, self.path.latest))
+        self._sort(self.intake.add(heard, self.path.latest))
         self._sort(self.intake.ready(self.path))
 
     def finish(self) -> None:
@@ -157,14 +162,15 @@ def test_repeated_scans_and_single_stamps_that_jump_back_are_dropped() -> None:
     assert drive.seconds() == [1.0, 2.0, 3.0]
 
 
-def test_a_phone_whose_clock_is_set_back_moves_no_other_stamp() -> None:
+def test_a_phone_whose_clock_is_set_back_is_followed_and_moves_no_other_stamp() -> None:
     drive = Drive()
     for second in range(100):
         drive.odometry(float(second))
         shift_s = -5.3 if second >= 50 else 0.0
         drive.hear(scan(second + shift_s, [0.0] * 3))
         drive.hear(scan(float(second), [0.0] * 3, "other"))
-    assert drive.dropped() == [DropReason.STAMP_BACK] + [DropReason.CLOCK_OFF] * 49
+    assert drive.dropped() == [DropReason.STAMP_BACK] * (CLOCK.lasting_messages - 1)
+    assert drive.seconds() == [s for s in range(100) if not 50 <= s < 49 + CLOCK.lasting_messages]
     assert drive.seconds("other") == list(range(100))
     (warned,) = [event for event in drive.events if isinstance(event, Warned)]
-    assert "5.3 s behind" in warned.text
+    assert warned.text.startswith("WiFi receiver 'phone': its clock was set back by 5.300 s")

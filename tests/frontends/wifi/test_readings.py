@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import WifiScan
-from wayfi.frontends.wifi.readings import mean_readings, usable_readings
+from wayfi.frontends.wifi.readings import BSSID, bssid_of, mean_readings, usable_readings
 
 
 def bssid(number: int) -> str:
@@ -26,6 +28,38 @@ def test_what_is_no_bssid_is_dropped(bad: str) -> None:
     usable, dropped = usable_readings(scan([bad, bssid(1)], [-50.0, -60.0]))
     assert usable.bssids == (bssid(1),)
     assert dropped == [DropReason.MALFORMED_BSSID]
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        *("0a:1b:2c:3d:4e:5f", "0A-1B-2C-3D-4E-5F", "0a1b.2c3d.4e5f", "0A1B2C3D4E5F", "a:1b:2c:3d:4e:5f"),
+        *("  0a:1b:2c:3d:4e:5f ", "0A:1B:2C:3D:4E:5F\t", "0a1b2c-3d4e5f", "0a:1b:2c:3d:4e:5f\0"),
+    ],
+)
+def test_a_bssid_is_known_in_the_forms_that_systems_print(form: str) -> None:
+    assert bssid_of(form) == "0a:1b:2c:3d:4e:5f"
+
+
+@given(st.integers(0, 2**48 - 1))
+def test_every_form_of_an_address_is_the_same_bssid(address: int) -> None:
+    digits = f"{address:012x}"
+    octets = [digits[i : i + 2] for i in range(0, 12, 2)]
+    quads = [digits[i : i + 4] for i in range(0, 12, 4)]
+    short = [octet.lstrip("0") or "0" for octet in octets]
+    forms = [digits, ".".join(quads), *(mark.join(o) for mark in ":-" for o in (octets, short))]
+    assert {bssid_of(case) for form in forms for case in (form, form.upper())} == {":".join(octets)}
+
+
+@given(st.text(st.sampled_from("0123456789abcdefg:-. "), max_size=20))
+def test_what_is_made_of_any_text_is_made_once(text: str) -> None:
+    assert bssid_of(bssid_of(text)) == bssid_of(text)
+
+
+@pytest.mark.parametrize("other", ["", "aa:bb:cc:dd:ee", "the office", "aa:bb-cc:dd-ee:ff", "::::: ", "0a1b2c3d4e5"])
+def test_another_form_stays_and_is_no_bssid(other: str) -> None:
+    assert bssid_of(other) == other.strip()
+    assert not BSSID.fullmatch(bssid_of(other))
 
 
 @pytest.mark.parametrize("absurd", [0.1, 7.0, -120.1, math.nan, math.inf, -math.inf])

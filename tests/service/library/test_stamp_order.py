@@ -53,3 +53,20 @@ def test_a_clock_that_begins_at_zero_and_a_burst_later_on_are_taken(slam: wayfi.
     for t_ns in (0, 20_000_000, 40_000_000, 40_000_001, 40_000_002):
         slam.add_odometry(t_ns, 0.0, 0.0, 0.0)
     assert slam.pose is not None
+
+
+def test_a_clock_that_is_set_back_is_followed_as_in_a_recording(slam: wayfi.Slam) -> None:
+    step_ns, back_ns = 20_000_000, 5_000_000_000
+    for k in range(200):
+        slam.add_odometry(T + k * step_ns - (back_ns if k >= 100 else 0), 0.01 * k, 0.0, 0.0)
+    result = slam.finish()
+    assert result.report["dropped"] == {"/odom": {"stamp_jumped_back": 4}}
+    (warning,) = result.report["warnings"]
+    assert warning.startswith("odometry: its clock was set back by 5.000 s")
+    assert result.trajectory.stamps_ns[-1] == T + 199 * step_ns
+
+
+def test_a_single_stamp_far_back_is_dropped_alone(slam: wayfi.Slam) -> None:
+    for k in range(20):
+        slam.add_odometry(T + k * 20_000_000 - (5_000_000_000 if k == 10 else 0), 0.0, 0.0, 0.0)
+    assert slam.finish().report["dropped"] == {"/odom": {"stamp_jumped_back": 1}}
