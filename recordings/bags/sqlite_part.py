@@ -81,20 +81,24 @@ class SqlitePart:
         return database
 
     def _rows(
-        self, database: sqlite3.Connection, columns: str, first: int = -(2**62), end: int = 2**62
+        self, database: sqlite3.Connection, columns: str, first: int = 0, end: int | None = None
     ) -> Iterator[Row]:
-        """The rows from `first` up to `end`; behind one that cannot be read, the next one that can."""
+        """The rows from `first` up to `end`, each once; behind one that cannot be read, the next one that can.
+
+        Every step goes on, and no number is larger than the file has room for, so that no damage makes it endless.
+        """
         query = f"SELECT {columns} FROM messages WHERE id >= ? AND id < ? ORDER BY id"
-        most = self.path.stat().st_size // _SMALLEST_ROW_BYTES
+        end = self.path.stat().st_size // _SMALLEST_ROW_BYTES if end is None else end
         following, skipped = first, 0
-        while skipped <= most:
+        while following + skipped < end:
             try:
                 for row in database.execute(query, (following + skipped, end)):
+                    if not following + skipped <= row[0] < end:
+                        raise sqlite3.DatabaseError("rows are not in order")
                     yield row
                     following, skipped = row[0] + 1, 0
             except sqlite3.DatabaseError as error:
                 self._damage = self._damage or str(error)
-                following = max(following, 0)
                 skipped = 2 * skipped or 1
             else:
                 return

@@ -35,6 +35,8 @@ def import_recording(path: Path, out: Path, progress: Callable[[float], None] = 
     recording = open_any_recording(path)
     if recording.is_blackbox:
         raise ImportFailedError(f"{path} is the black box of a daemon; replay its folder as it is")
+    if out.is_dir() or not out.parent.is_dir():
+        raise ImportFailedError(f"{out}: cannot be written: {'it is a' if out.is_dir() else 'there is no such'} folder")
     temporary = out.with_name(f".{out.name}.part")
     try:
         messages, left_out = _write_all(recording, temporary, progress)

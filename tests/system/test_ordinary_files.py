@@ -1,13 +1,27 @@
 """Recordings as people have them are read at the first try, or one line says what to type."""
 
+import bz2
+import gzip
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
-from drives import Simulated, ate_m, run
-from faulty.faults import LASER_M
+from drives import Simulated, ate_m, run, write
+from faulty.bags import carmen_log, ros1_bag, rosbag2
+from faulty.faults import LASER_M, refused
 from faulty.files import packed, renamed, spoil
 from mcap.writer import CompressionType
 from mcap_files import chunk_indexes
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from typer.testing import CliRunner
+
+from wayfi.frontends.measurements import StaticTransforms, WifiScan
+from wayfi.recordings.bags.opening import open_any_recording
+from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import open_recording
+from wayfi.service.cli.app import app
 
 
 @pytest.mark.parametrize(
@@ -49,3 +63,85 @@ def test_damage_costs_what_is_damaged_and_is_told(
     assert told.startswith("spoilt.mcap is damaged at byte")
     lost = len(minute.arrivals) - sum(report["messages"].values())
     assert lost <= (30 if inside else 0)
+
+
+@pytest.fixture(scope="module")
+def wheels_and_laser(minute: Simulated, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Record], Path]:
+    """The records of the first 20 s, and the folder of their replay."""
+    folder = tmp_path_factory.mktemp("plain")
+    path = write(folder / "plain.mcap", [a for a in minute.arrivals if a.second < 20.0])
+    run(path, folder / "out")
+    return list(open_recording(path)), folder / "out"
+
+
+def assert_same(out: Path, other: Path) -> None:
+    for name in ("trajectory.tum", "online.tum", "radio.csv", "map.pgm"):
+        assert (out / name).read_bytes() == (other / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.NONE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+    ],
+)
+def test_a_rosbag2_folder_and_its_file_replay_as_the_mcap_does(
+    wheels_and_laser: tuple[list[Record], Path], tmp_path: Path, storage: StoragePlugin, mode: CompressionMode
+) -> None:
+    records, plain = wheels_and_laser
+    folder = rosbag2(tmp_path / "bag", records, storage, mode)
+    run(folder, tmp_path / "out")
+    assert_same(tmp_path / "out", plain)
+    (file,) = (path for path in folder.iterdir() if path.suffix != ".yaml")
+    assert list(open_any_recording(file)) == records
+
+
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_a_ros_1_bag_replays_as_the_mcap_does(
+    wheels_and_laser: tuple[list[Record], Path], tmp_path: Path, compression: str
+) -> None:
+    records, plain = wheels_and_laser
+    report = run(ros1_bag(tmp_path / "drive.bag", records, compression), tmp_path / "out")
+    assert report["warnings"] == json.loads((plain / "report.json").read_text())["warnings"]
+    assert_same(tmp_path / "out", plain)
+
+
+@pytest.mark.parametrize("packed_as", ["", ".gz", ".bz2"])
+def test_a_carmen_log_replays_as_the_mcap_does(minute: Simulated, tmp_path: Path, packed_as: str) -> None:
+    first = [a for a in minute.without(WifiScan, StaticTransforms) if a.second < 15.0]
+    path = write(tmp_path / "plain.mcap", first)
+    log = carmen_log(tmp_path / "drive.log", open_recording(path))
+    run(path, tmp_path / "plain")
+    if packed_as:
+        compress = {".gz": gzip.compress, ".bz2": bz2.compress}[packed_as]
+        log = log.with_name(f"drive.log{packed_as}")
+        log.write_bytes(compress((tmp_path / "drive.log").read_bytes()))
+    report = run(log, tmp_path / "out")
+    assert report["messages"] == {"/odom": 150, "/scan": 150, "/tf_static": 1}
+    ours, plain = (read_tum(tmp_path / name / "trajectory.tum") for name in ("out", "plain"))
+    assert ours.stamps_ns == pytest.approx(plain.stamps_ns, abs=1_000)
+    assert np.abs(ours.poses - plain.poses).max() < 0.02  # the text has no time increment
+
+
+def test_an_imported_bag_is_an_mcap_of_the_same_messages(
+    wheels_and_laser: tuple[list[Record], Path], tmp_path: Path
+) -> None:
+    records, _ = wheels_and_laser
+    bag = ros1_bag(tmp_path / "drive.bag", records)
+    done = CliRunner().invoke(app, ["import", str(bag), "--out", str(tmp_path / "drive.mcap")])
+    assert done.exit_code == 0, done.output
+    assert list(open_recording(tmp_path / "drive.mcap")) == records
+    assert "cannot be written" in refused("import", bag, "--out", tmp_path / "missing" / "drive.mcap")
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag", "a.log", "a.clf", "a", "a.db3.zstd", "a.bag.gz"])
+@pytest.mark.parametrize("content", [b"", b"garbage\n" * 400, bytes(range(256)) * 40])
+def test_garbage_is_refused_in_one_line(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    for command in ("replay", "import"):
+        assert name in refused(command, tmp_path / name, "--out", tmp_path / "out")
+    assert name in refused("inspect", tmp_path / name)
