@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from wayfi.recordings.rerun.config import RerunConfig
 
 BATCH = 64  # messages in a pickle; a pickle for each message doubles the time
 MAX_QUEUED = 100  # pickles, about 30 MB
+STALLED_S = 30.0  # a process that is busy for so long and writes nothing waits for ever: Rerun does on a full disk
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +48,11 @@ class LogProcess:
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._stderr)
         self._pickles: queue.Queue[bytes | None] = queue.Queue(MAX_QUEUED)
+        self._stalled = False
         self._writer = threading.Thread(target=self._write, name="log writer", daemon=True)
         self._writer.start()
         self._batch: list[Any] = []
+        self._path = part.path
         self._send([part])
 
     def log(self, event: Event) -> None:
@@ -63,6 +66,7 @@ class LogProcess:
     def begin(self, part: Part) -> None:
         """Finish the current file and continue in that of `part`."""
         self.flush()
+        self._path = part.path
         self._send([part])
 
     def flush(self) -> None:
@@ -91,7 +95,8 @@ class LogProcess:
     def _send(self, value: Any) -> None:  # noqa: ANN401 - a batch of messages, or of one Part
         if self._process.poll() is not None:
             self._end()
-        self._pickles.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
+        data = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
+        self._patiently(lambda: self._put(data))
 
     def _write(self) -> None:
         """Write queued pickles to the process; discard them once the process has ended."""
@@ -108,11 +113,44 @@ class LogProcess:
         """Wait for the process to end. Raises LogProcessError with its last line on stderr if it failed."""
         if self._stderr.closed:
             return
-        self._pickles.put(None)
-        self._writer.join()
+        self._patiently(lambda: self._put(None))
+        self._patiently(self._has_ended)
         code = self._process.wait()
         with self._stderr as stderr:
             stderr.seek(0)
             lines = stderr.read().decode(errors="replace").strip().splitlines()
+        if self._stalled:
+            raise LogProcessError(f"{self._path}: cannot be written to its end: is the disk full?")
         if code:
             raise LogProcessError(f"the log ended early: {lines[-1] if lines else f'code {code}'}")
+
+    def _put(self, data: bytes | None) -> bool:
+        """Whether `data` could be queued within `STALLED_S`."""
+        try:
+            self._pickles.put(data, timeout=STALLED_S)
+        except queue.Full:
+            return False
+        return True
+
+    def _has_ended(self) -> bool:
+        """Whether the process ends within `STALLED_S`."""
+        try:
+            self._process.wait(STALLED_S)
+        except subprocess.TimeoutExpired:
+            return False
+        self._writer.join()
+        return True
+
+    def _patiently(self, succeeds: Callable[[], bool]) -> None:
+        """Repeat until it succeeds; kill the process where it neither takes messages nor writes meanwhile."""
+        before = self._progress()
+        while not succeeds():
+            now = self._progress()
+            if now == before:
+                self._stalled = True
+                self._process.kill()
+            before = now
+
+    def _progress(self) -> tuple[int, int]:
+        size = self._path.stat().st_size if self._path.exists() else 0
+        return self._pickles.qsize(), size

@@ -18,8 +18,6 @@ from wayfi.recordings.rerun.config import RerunConfig
 
 APPLICATION = "wayfi"
 FLIP_Y = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]
-BLUEPRINT_BYTES = 1 << 16  # at most: what Rerun writes to a file first
-STALLED_S = 10.0  # a file that grows no more for so long while it is flushed cannot be written
 
 
 class LogError(WayfiError):
@@ -40,11 +38,8 @@ class RerunStream:
     def open(self, config: RerunConfig, path: Path | None, serve: bool, blueprint: rrb.Blueprint) -> None:
         """Open the file `path` if given, and with `serve` a server on 127.0.0.1. Raises LogError if one fails."""
         self._path = path
-        sinks: list[Any] = []
+        sinks: list[Any] = [] if path is None else [rr.FileSink(path)]
         try:
-            if path is not None:
-                _require_space(path)
-                sinks.append(rr.FileSink(path))
             if serve:
                 _require_free(config.port)
                 limit = config.server_memory_limit
@@ -68,22 +63,11 @@ class RerunStream:
 
         The Rerun stream then never ends by itself, not even with the interpreter.
         """
-        if self._path is None:
+        try:
             self._recording.flush()
-        else:
-            self._flush_file(self._path)
+        except RuntimeError as error:
+            raise LogError(f"{self._path}: cannot be written to its end: is the disk full?") from error
         self._recording.disconnect()
-
-    def _flush_file(self, path: Path) -> None:
-        size = -1
-        while True:
-            try:
-                self._recording.flush(timeout_sec=STALLED_S)
-                return
-            except RuntimeError as error:
-                if path.stat().st_size == size:
-                    raise LogError(f"{path}: cannot be written to its end: is the disk full?") from error
-                size = path.stat().st_size
 
     def _set_time(self) -> None:
         now = (self.stamp_ns, self.keyframe, threading.get_ident())
@@ -91,15 +75,6 @@ class RerunStream:
             self._recording.set_time("stamp", timestamp=np.datetime64(self.stamp_ns, "ns"))
             self._recording.set_time("keyframe", sequence=self.keyframe)
             self._time_set = now
-
-
-def _require_space(path: Path) -> None:
-    """Raise OSError if not even the blueprint could be written to `path`; Rerun itself would wait for ever."""
-    try:
-        path.write_bytes(bytes(BLUEPRINT_BYTES))
-    except OSError:
-        path.unlink(missing_ok=True)
-        raise
 
 
 def _require_free(port: int) -> None:

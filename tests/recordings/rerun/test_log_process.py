@@ -1,5 +1,6 @@
 """The log that runs in a process of its own writes what the one beside would, and says when it cannot."""
 
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 from rerun.chunk import RrdReader
 from rerun_events import drive
 
+from wayfi.recordings.rerun import log_process
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.log_process import LogProcess, LogProcessError, Part
 from wayfi.recordings.rerun.rerun_log import RerunLog
@@ -44,3 +46,20 @@ def test_a_file_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None
     log = LogProcess(Part(CONFIG, tmp_path / "no" / "such" / "folder" / "a.rrd", "one"))
     with pytest.raises(LogProcessError, match="the log ended early"):
         log_all_and_close(log)
+
+
+@pytest.mark.parametrize("events", [1, 20_000])
+def test_a_process_that_writes_no_more_is_not_waited_for(
+    events: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log_process, "STALLED_S", 0.5)
+    log = LogProcess(Part(CONFIG, tmp_path / "a.rrd", "one"))
+    log._process.send_signal(signal.SIGSTOP)  # as Rerun does on a full disk
+
+    def log_and_close() -> None:
+        for number in range(events):
+            log.log(EVENTS[number % len(EVENTS)])
+        log.close()
+
+    with pytest.raises(LogProcessError, match=r"a\.rrd: cannot be written to its end"):
+        log_and_close()
