@@ -222,7 +222,7 @@ class Pipeline:
             yield from (dropped(scan, scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _process_transforms(self, m: StaticTransforms | MovingTransforms) -> Iterator[Event]:
-        yield from self._scans.mounts.learn(m)
+        yield from self._scans.add_transforms(m)
         yield from self._forget_misplaced()
         yield from self._use_scans()
         if isinstance(m, MovingTransforms):

@@ -47,7 +47,7 @@ class ScanIntake:
         self._shift_ns = 0
 
     def add_transforms(self, transforms: StaticTransforms | MovingTransforms) -> list[Event]:
-        """Learn where sensors are mounted on the base; returns the drops of transforms that cannot be."""
+        """Learn where sensors are mounted on the base; returns the drops of transforms that cannot be used."""
         return list(self.mounts.learn(transforms))
 
     def awaits_mount(self, most_ns: int) -> bool:
