@@ -42,6 +42,7 @@ from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 
 ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
+LATE_MESSAGES = 5  # times longer is waited for messages that came before: those of a busy network come later than /tf
 
 
 class Pipeline:
@@ -125,7 +126,7 @@ class Pipeline:
         if accepted.ends_stand_in:
             yield from self._stand_ins.end(accepted.stamp_ns)
         if accepted.point:
-            self._stand_ins.transforms.restart()
+            self._stand_ins.transforms.restart(m.stamp_ns)
         yield from self._use_odometry(Sensor.ODOM, accepted, m, published)
 
     def _use_odometry(
@@ -227,7 +228,9 @@ class Pipeline:
         yield from self._use_scans()
         if isinstance(m, MovingTransforms):
             self._stand_ins.transforms.add(m)
-            if self._stand_ins.transforms_lead or self._stand_ins.transforms.waited_ns > self._lead_after_ns:
+            messages_led = self._path.latest is not None and not self._stand_ins.laser_leads
+            patience_ns = (LATE_MESSAGES if messages_led else 1) * self._lead_after_ns
+            if self._stand_ins.transforms_lead or self._stand_ins.transforms.waited_ns > patience_ns:
                 yield from self._lead_by_transforms(m.stamp_ns)
 
     def _forget_misplaced(self) -> Iterator[Event]:

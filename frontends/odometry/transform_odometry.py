@@ -9,7 +9,7 @@ from wayfi.frontends.frames.pose3 import heading
 from wayfi.frontends.measurements import PAUSE_NS, MovingTransforms, Odometry
 
 ODOM = "odom"  # within the name of the parent: odom, odom_combined, wheel_odom
-MOST_WAITING = 1000  # poses, to bound memory: 2 s at 500 Hz
+MOST_WAITING = 3000  # poses, to bound memory: 10 s at 300 Hz
 
 
 class TransformOdometry:
@@ -17,6 +17,7 @@ class TransformOdometry:
 
     def __init__(self) -> None:
         self._frames: tuple[str, str] | None = None
+        self._since_ns = -1
         self._waiting: deque[Odometry] = deque(maxlen=MOST_WAITING)
 
     def add(self, m: MovingTransforms) -> None:
@@ -26,6 +27,8 @@ class TransformOdometry:
             if self._frames is None and _is_odometry(*frames):
                 self._frames = frames
             if frames == self._frames:
+                if stamp_ns <= self._since_ns:
+                    self._waiting.clear()
                 x, y, _ = t.translation_xyz
                 self._waiting.append(Odometry(stamp_ns, Pose2(x, y, heading(t.rotation_xyzw)), None, *frames))
 
@@ -40,9 +43,10 @@ class TransformOdometry:
         self._waiting.clear()
         return poses
 
-    def restart(self) -> None:
-        """Wait anew, from the newest pose on: a message has come."""
-        while len(self._waiting) > 1:
+    def restart(self, stamp_ns: int) -> None:
+        """A message has come: poses of later than `stamp_ns` wait, and the last one of before, which they join."""
+        self._since_ns = stamp_ns
+        while len(self._waiting) > 1 and self._waiting[1].stamp_ns <= stamp_ns:
             self._waiting.popleft()
 
     @property

@@ -10,7 +10,7 @@ from drives import Arrival, Simulated
 from ordinary_drives import fed, renamed
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import MovingTransforms, Odometry, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, MovingTransforms, Odometry, StaticTransform, StaticTransforms
 from wayfi.frontends.odometry.accepted_odometry import HEADLESS
 from wayfi.frontends.odometry.twist_odometry import ENDS, LEADS
 from wayfi.recordings.ros.messages import ODOMETRY, TYPESTORE
@@ -280,6 +280,25 @@ def test_tf_beside_messages_changes_nothing(minute: Simulated) -> None:
     beside = fed([*minute.arrivals, *in_transforms(minute, "odom", "base_link")])
     assert (beside.trajectory.poses == alone.trajectory.poses).all()
     assert beside.told == alone.told
+
+
+def test_messages_that_a_network_holds_up_for_some_seconds_are_used_all_the_same(minute: Simulated) -> None:
+    held = [
+        a.delayed(max(0.0, 26.0 - a.second)) if 20.0 <= a.second < 26.0 and isinstance(a.measurement, Odometry) else a
+        for a in minute.without(LaserScan)
+    ]
+    beside = fed([*in_transforms(minute, "odom", "base_link"), *held])
+    assert not any("/tf" in text for text in beside.told)
+    assert len(beside.trajectory) == len(odometry_of(minute))
+
+
+def test_transforms_that_come_all_at_once_do_not_lead(minute: Simulated) -> None:
+    late = [
+        replace(a, at_ns=minute.arrivals[0].at_ns + 10_500_000_000)
+        for a in in_transforms(minute, "odom", "base_link")
+        if a.second < 10.0
+    ]
+    assert not any("/tf" in text for text in fed([*late, *minute.arrivals]).told)
 
 
 def test_a_laser_that_leads_makes_way_for_tf(minute: Simulated) -> None:

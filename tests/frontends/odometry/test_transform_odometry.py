@@ -42,15 +42,26 @@ def test_the_first_two_frames_stay_the_odometrys() -> None:
     assert [m.child_frame_id for m in odometry.take()] == ["base_link"]
 
 
-def test_waiting_is_counted_and_bounded_and_begins_anew_with_the_newest() -> None:
+def test_waiting_is_counted_and_bounded() -> None:
     odometry = TransformOdometry()
     for k in range(MOST_WAITING + 20):
         odometry.add(moved(0.001 * k, ("odom", "base_link")))
     assert odometry.waited_ns == (MOST_WAITING - 1) * 1_000_000
-    odometry.restart()
     odometry.add(moved(3600.0, ("odom", "base_link")))
-    assert odometry.waited_ns == SECOND_NS
-    assert len(odometry.take()) == 2
+    assert odometry.waited_ns == (MOST_WAITING - 2) * 1_000_000 + SECOND_NS
+
+
+def test_what_waits_is_later_than_the_newest_message_but_for_the_pose_that_it_joins() -> None:
+    odometry = TransformOdometry()
+    for k in range(10):
+        odometry.add(moved(0.1 * k, ("odom", "base_link")))
+    odometry.restart(650_000_000)
+    assert odometry.waited_ns == 300_000_000
+    odometry.add(moved(0.3, ("odom", "base_link")))  # come late, all of them older than the message
+    odometry.add(moved(0.5, ("odom", "base_link")))
+    assert odometry.waited_ns == 0
+    odometry.add(moved(0.7, ("odom", "base_link")))
+    assert [m.stamp_ns for m in odometry.take()] == [500_000_000, 700_000_000]
 
 
 def test_a_quaternion_of_zeros_has_no_heading() -> None:
