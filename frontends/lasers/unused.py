@@ -11,11 +11,14 @@ BAND_SPARE_M = 0.05  # around the points, of the height band that is advised
 
 
 def why_no_return(scan: LaserScan, max_range_m: float) -> str:
-    """Why no beam of a scan is used; empty where nothing returned."""
+    """Why none of the beams that returned is used; empty where none did, or for more than one reason.
+
+    One range in all of them is what a driver sends where nothing returns.
+    """
     returns = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges > 0)]
-    if len(returns) == 0:
+    nearest, furthest = (float(returns.min()), float(returns.max())) if len(returns) else (0.0, 0.0)
+    if nearest == furthest:
         return ""
-    nearest, furthest = float(returns.min()), float(returns.max())
     seen = f"none of its beams can be used: they end between {nearest:.2f} and {furthest:.2f} m, "
     if furthest <= scan.range_min_m:
         return f"{seen}below its range_min of {scan.range_min_m:g} m; correct its driver"
@@ -23,7 +26,7 @@ def why_no_return(scan: LaserScan, max_range_m: float) -> str:
         return f"{seen}beyond its range_max of {scan.range_max_m:g} m; correct its driver"
     if nearest >= max_range_m:
         return f"{seen}beyond lidar.max_range_m, {max_range_m:g} m (--set lidar.max_range_m={furthest:.0f})"
-    return f"{seen}outside of its limits, {scan.range_min_m:g} to {min(scan.range_max_m, max_range_m):g} m"
+    return ""
 
 
 def why_no_point(cloud: PointCloud, max_range_m: float) -> str:
