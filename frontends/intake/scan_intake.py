@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.intake.cloud_intake import CloudIntake, has_return
+from wayfi.frontends.intake.companions import Companions
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.intake.scan_queue import ScanQueue, sweep_ns
 from wayfi.frontends.intake.sweep_sets import SweepSet, SweepSets
@@ -30,7 +31,7 @@ from wayfi.frontends.scan_points import PlacedScan, joined, moved
 
 
 class ScanIntake:
-    """Uses the first kind of laser that sees anything, planar or 3D, and all of that kind together.
+    """Uses the first kind of laser that sees anything, planar or 3D, and all of that kind that have mounts together.
 
     Holds their sweeps in `queue`, and knows the `mounts`.
     """
@@ -41,6 +42,7 @@ class ScanIntake:
         self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
         self._lasers = Lasers(config.watch)
+        self._companions = Companions(self.mounts, bool(config.mount))
         self._sets = SweepSets()
         self._use = UseWatch(config, self.clouds)
         self._kind: Sensor | None = None
@@ -99,8 +101,13 @@ class ScanIntake:
             self.mounts.settle(sweep.frame_id)
             if point is None:
                 yield dropped(sweep, sweep.stamp_ns, DropReason.TOO_LATE)
-            else:
-                yield from self._sets.add(self._lasers.of(sweep).stream, point, sweep)
+                continue
+            laser = self._lasers.of(sweep)
+            if self._companions.takes(point.stamp_ns, sweep.frame_id):
+                yield from self._sets.add(laser.stream, point, sweep)
+                continue
+            yield dropped(sweep, point.stamp_ns, DropReason.NO_TRANSFORM)
+            yield from self._companions.tell(point.stamp_ns, laser.name)
 
     def compare(self, odometry_ns: int, most_ahead_ns: int) -> Iterator[Event]:
         """Drop the sweeps stamped more than `most_ahead_ns` after the newest odometry; watch for silence."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from wayfi.frontends.complaints import Complaints, Fault
 from wayfi.frontends.events import Event
 from wayfi.frontends.intake.cloud_intake import CloudIntake
-from wayfi.frontends.lasers.unused import why_few_points, why_no_band, why_no_return
+from wayfi.frontends.lasers.unused import why_few_points, why_no_band, why_no_point, why_no_return
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, PointCloud, Sweep
 from wayfi.frontends.scan_points import PlacedScan
@@ -44,7 +44,9 @@ class UseWatch:
         if not isinstance(sweep, PointCloud):
             return why_few_points(points, sweep.ranges, self._config.min_points)
         if points == 0:
-            return why_no_band(self._clouds.heights(sweep), self._config.cloud)
+            heights_m = self._clouds.heights(sweep)
+            near = len(heights_m) > 0
+            return why_no_band(heights_m, self._config.cloud) if near else why_no_point(sweep, self._config.max_range_m)
         return why_few_points(points, sweep.points, self._config.min_points)
 
     def _judge(self, stamp_ns: int, name: str, fault: str, text: str) -> Iterator[Event]:

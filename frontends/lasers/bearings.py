@@ -25,7 +25,7 @@ LARGEST_STEP = 0.15  # of the range, from one beam to the next on a wall
 LARGEST_THICKNESS = 0.02  # of a wall by the better increment, in variance: more is no wall
 ENOUGH_WALLS = 30  # a decision rests on; scans in rooms and halls were seen to have one to ten
 CLEAR_SHARE = 0.6  # of the walls that one increment makes straighter; in real and simulated scans 0.64 to 1
-MOST_SCANS = 60  # that the decision may take, 6 s at 10 Hz: then the walls do not tell
+MOST_SCANS = 40  # that the decision may take, 4 s at 10 Hz: then the walls do not tell
 SAME_STEP = 1e-3  # relative: steps that differ by their sign alone
 DRIVER = "correct its driver"
 
@@ -141,7 +141,8 @@ class BearingsCheck:
     def _compare(self, scan: LaserScan, start: float, stated: float, other: float) -> None:
         self._scans += 1
         if abs(abs(stated) - abs(other)) < SAME_STEP * abs(stated):
-            return  # steps that mirror each other both make walls straight
+            self._scans = MOST_SCANS  # steps that mirror each other both make walls straight
+            return
         (across, thickness), (others, other_thickness) = (_walls(scan, start, step) for step in (stated, other))
         clear = np.minimum(thickness, other_thickness) < LARGEST_THICKNESS
         self._straighter += (across < others)[clear].tolist()

@@ -5,17 +5,20 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.lidar_config import CloudConfig
-from wayfi.frontends.measurements import LaserScan
+from wayfi.frontends.measurements import LaserScan, PointCloud
 
 BAND_SPARE_M = 0.05  # around the points, of the height band that is advised
 
 
 def why_no_return(scan: LaserScan, max_range_m: float) -> str:
-    """Why no beam of a scan is used; empty where nothing returned."""
+    """Why none of the beams that returned is used; empty where none did, or for more than one reason.
+
+    One range in all of them is what a driver sends where nothing returns.
+    """
     returns = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges > 0)]
-    if len(returns) == 0:
+    nearest, furthest = (float(returns.min()), float(returns.max())) if len(returns) else (0.0, 0.0)
+    if nearest == furthest:
         return ""
-    nearest, furthest = float(returns.min()), float(returns.max())
     seen = f"none of its beams can be used: they end between {nearest:.2f} and {furthest:.2f} m, "
     if furthest <= scan.range_min_m:
         return f"{seen}below its range_min of {scan.range_min_m:g} m; correct its driver"
@@ -23,13 +26,21 @@ def why_no_return(scan: LaserScan, max_range_m: float) -> str:
         return f"{seen}beyond its range_max of {scan.range_max_m:g} m; correct its driver"
     if nearest >= max_range_m:
         return f"{seen}beyond lidar.max_range_m, {max_range_m:g} m (--set lidar.max_range_m={furthest:.0f})"
-    return f"{seen}outside of its limits, {scan.range_min_m:g} to {min(scan.range_max_m, max_range_m):g} m"
+    return ""
+
+
+def why_no_point(cloud: PointCloud, max_range_m: float) -> str:
+    """Why no point of a cloud is near enough to be used, and off the robot itself."""
+    away_m = np.linalg.norm(cloud.points[np.isfinite(cloud.points).all(axis=1)].astype(np.float64), axis=1)
+    if len(away_m) == 0:
+        return "none of its points is finite"
+    nearest, furthest = float(away_m.min()), float(away_m.max())
+    seen = f"none of its points can be used: they are between {nearest:.2f} and {furthest:.2f} m away"
+    return f"{seen}, lidar.max_range_m is {max_range_m:g} m; are they in metres?"
 
 
 def why_no_band(heights_m: Floats, config: CloudConfig) -> str:
     """Why none of a cloud's points is in the height band; `heights_m` (n,) are those of the points near enough."""
-    if len(heights_m) == 0:
-        return "none of its points is finite, off the robot itself and within lidar.max_range_m"
     low, high = np.percentile(heights_m, [1, 99]).tolist()
     band = f"nothing of its clouds lies in the height band, between {config.low_m:g} and {config.high_m:g} m"
     low_m, high_m = low - BAND_SPARE_M, high + BAND_SPARE_M

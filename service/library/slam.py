@@ -138,19 +138,19 @@ class Slam:
 
         Beam i of `ranges` (n,) m points to `angle_min + i * angle_increment` (rad) and was measured
         `i * time_increment` (s; 0: unknown) after `t_ns`. A range that is not finite, masked, or outside of the limits
-        is no return.
+        is no return. Each `frame_id` is a laser of its own, and all of them are used together.
         """
         scan = arguments.scan_of(
             t_ns, ranges, angle_min, angle_increment, range_min, range_max, time_increment, frame_id
         )
-        return self._add_sweep("scan", Sensor.SCAN, scan)
+        return self._add_sweep(f"scan of {frame_id!r}", Sensor.SCAN, scan)
 
     def add_points(
         self, t_ns: int, points: ArrayLike, *, point_times: ArrayLike | None = None, frame_id: str = "lidar"
     ) -> list[Event]:
         """Add a sweep of a 3D LiDAR: `points` (n, 3) m in its frame, measured `point_times` (n,) s after `t_ns`."""
         cloud = arguments.cloud_of(t_ns, points, point_times, frame_id)
-        return self._add_sweep("points", Sensor.POINTS, cloud)
+        return self._add_sweep(f"points of {frame_id!r}", Sensor.POINTS, cloud)
 
     def add_wifi(
         self, t_ns: int, rssi: ByBssid, *, receiver: str = "wifi", age: float | ByBssid | None = None

@@ -1,7 +1,7 @@
 """Short drives with planar lasers, changed at will, through a pipeline of their own."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from wayfi.backend.pose2 import Pose2
@@ -92,3 +92,14 @@ def last_bearing(scan: LaserScan) -> float:
 def clockwise(scan: LaserScan) -> list[LaserScan]:
     ends = {"angle_min": last_bearing(scan), "angle_max": scan.angle_min, "angle_increment": -scan.angle_increment}
     return [replace(scan, ranges=scan.ranges[::-1], time_increment_s=0.0, **ends)]
+
+
+def cut(scan: LaserScan, pieces: int, stamped: bool = True) -> Iterator[LaserScan]:
+    """The scan in so many pieces, each stamped when it was measured, or all as the scan was."""
+    size = math.ceil(len(scan.ranges) / pieces)
+    for first in range(0, len(scan.ranges), size):
+        ranges = scan.ranges[first : first + size]
+        begin = scan.angle_min + first * scan.angle_increment
+        late_ns = round(first * scan.time_increment_s * 1e9) if stamped else 0
+        ends = {"angle_min": begin, "angle_max": begin + (len(ranges) - 1) * scan.angle_increment}
+        yield replace(scan, stamp_ns=scan.stamp_ns + late_ns, ranges=ranges, **ends)

@@ -3,6 +3,7 @@
 import math
 import random
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from drives import Simulated
 from faulty.fuzzed_drive import as_cloud, as_transforms, fuzzed, sensor_of, thinned
 from faulty.fuzzing import Mutator
+from scanning import cut
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished
@@ -65,7 +67,7 @@ def messages_of(sensor: Sensor, minute: Simulated) -> list[Measurement]:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # where numbers overflow, infinity is the answer
-@pytest.mark.parametrize("kind", ["scans", "clouds", "laser alone"])
+@pytest.mark.parametrize("kind", ["scans", "clouds", "laser alone", "fragments of two lasers"])
 def test_a_drive_survives_and_its_poses_stay_poses(kind: str, minute: Simulated) -> None:
     drive = Drive(load_config((), ()), None, NullLog())
     published, mutated = [], 0
@@ -87,7 +89,15 @@ def sensors_of(kind: str, minute: Simulated) -> Sequence[Measurement]:
     some = [thinned(a.measurement) for a in minute.arrivals]
     if kind == "clouds":
         return [as_cloud(m) if isinstance(m, LaserScan) else m for m in some]
+    if kind == "fragments of two lasers":
+        return [piece for m in some for piece in (pieces(m) if isinstance(m, LaserScan) else [m])]
     return [m for m in some if kind == "scans" or not isinstance(m, Odometry)]
+
+
+def pieces(scan: LaserScan) -> list[LaserScan]:
+    """Every tenth scan, as two lasers send it."""
+    cut_up = cut(scan, 6) if scan.stamp_ns // 100_000_000 % 10 == 0 else []
+    return [replace(piece, frame_id=frame) for piece in cut_up for frame in ("laser", "rear")]
 
 
 def test_the_same_seed_gives_the_same_bytes(minute: Simulated) -> None:

@@ -1,12 +1,11 @@
 """Turns that come in fragments, and several lasers: what belongs together is used together."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scanning import FRONT, GOOD_M, REAR, Change, Drive, clockwise, each, run, simulated
+from scanning import FRONT, GOOD_M, REAR, Change, Drive, clockwise, cut, each, run, simulated
 
 from wayfi.frontends.events import DropReason, Event, KeyframeAdded
 from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms
@@ -31,16 +30,6 @@ def together(front: Drive, rear: Drive) -> Drive:
 
 
 # Turns that come in fragments
-
-
-def cut(scan: LaserScan, pieces: int, stamped: bool = True) -> Iterator[LaserScan]:
-    size = math.ceil(len(scan.ranges) / pieces)
-    for first in range(0, len(scan.ranges), size):
-        ranges = scan.ranges[first : first + size]
-        begin = scan.angle_min + first * scan.angle_increment
-        late_ns = round(first * scan.time_increment_s * 1e9) if stamped else 0
-        ends = {"angle_min": begin, "angle_max": begin + (len(ranges) - 1) * scan.angle_increment}
-        yield replace(scan, stamp_ns=scan.stamp_ns + late_ns, ranges=ranges, **ends)
 
 
 def lossy(scan: LaserScan) -> list[LaserScan]:

@@ -101,6 +101,4 @@ def test_walls_tell_which_of_two_steps_is_right(factor: float) -> None:
 
 def test_steps_that_mirror_each_other_make_the_same_walls_so_that_the_increment_is_believed() -> None:
     check, mirrored = BearingsCheck(), scan(0.2, -0.01, 0.2 + 3.0, 301)
-    faults = [check.check(mirrored)[1] for _ in range(100)]
-    assert faults[0] == ""
-    assert "angle_increment is believed" in faults[-1]
+    assert "angle_increment is believed" in check.check(mirrored)[1]

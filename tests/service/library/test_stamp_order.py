@@ -70,3 +70,12 @@ def test_a_single_stamp_far_back_is_dropped_alone(slam: wayfi.Slam) -> None:
     for k in range(20):
         slam.add_odometry(T + k * 20_000_000 - (5_000_000_000 if k == 10 else 0), 0.0, 0.0, 0.0)
     assert slam.finish().report["dropped"] == {"/odom": {"stamp_jumped_back": 1}}
+
+
+def test_each_laser_has_its_own_order(slam: wayfi.Slam) -> None:
+    wall = [2.0] * 180
+    slam.add_odometry(T, 0.0, 0.0, 0.0)
+    for frame in ("front", "rear"):
+        slam.add_scan(T, wall, angle_min=-1.5, angle_increment=0.0175, frame_id=frame)
+    with pytest.raises(wayfi.ArgumentError, match="later than the scan of 'rear' before"):
+        slam.add_scan(T, wall, angle_min=-1.5, angle_increment=0.0175, frame_id="rear")
