@@ -67,6 +67,8 @@ def route(topic: str, type_name: str, encoding: str, topics: Topics) -> Route:
     sensor = next((sensor for sensor in topics if topic in topics_of(topics, sensor)), None)
     if sensor is None:
         by_type = sensor_of_type(type_name)
+        if by_type is None and "Compressed" in type_name and "Point" in type_name:
+            return _unused(f"{type_name} is not read: republish it as sensor_msgs/msg/PointCloud2, not compressed")
         if by_type is None:
             return _unused(f"no sensor is configured for this topic (type {type_name or 'unknown'})")
         expected = " and ".join(topics_of(topics, by_type))

@@ -21,7 +21,10 @@ from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.service.cli.app import app
+
+YEAR_NS = 31_557_600_000_000_000
 
 
 @pytest.mark.parametrize(
@@ -145,3 +148,24 @@ def test_garbage_is_refused_in_one_line(tmp_path: Path, name: str, content: byte
     for command in ("replay", "import"):
         assert name in refused(command, tmp_path / name, "--out", tmp_path / "out")
     assert name in refused("inspect", tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "shift_ns"),
+    [(range(3), None), (range(200, 203), None), (range(300, 10_000), 20 * YEAR_NS)],
+    ids=["log time 0 at first", "log time 0 on the way", "twenty years on the way"],
+)
+def test_log_times_of_another_age_are_told_and_not_waited_for(
+    minute: Simulated, tmp_path: Path, numbers: range, shift_ns: int | None
+) -> None:
+    first = [a for a in minute.arrivals if a.second < 20.0]
+    with McapWriter(tmp_path / "odd.mcap") as writer:
+        for n, r in enumerate(open_recording(write(tmp_path / "plain.mcap", first))):
+            log_time_ns = r.log_time_ns if n not in numbers else 0 if shift_ns is None else r.log_time_ns + shift_ns
+            writer.write(r.topic, r.type_name, r.encoding, log_time_ns, r.data)
+    report = run(tmp_path / "odd.mcap", tmp_path / "odd", rate=50.0)
+    run(tmp_path / "plain.mcap", tmp_path / "plain")
+    assert any("gap" in line and "log time" in line for line in report["warnings"])
+    assert report["recording_s"] == pytest.approx(20.0, abs=1.0)
+    assert report["wall_s"] < 15.0
+    assert_same(tmp_path / "odd", tmp_path / "plain")
