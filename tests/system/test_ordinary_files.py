@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +14,23 @@ from faulty.faults import LASER_M, refused
 from faulty.files import packed, renamed, spoil
 from mcap.writer import CompressionType
 from mcap_files import chunk_indexes
+from places import REAL_DATA
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from typer.testing import CliRunner
 
-from wayfi.frontends.measurements import StaticTransforms, WifiScan
+from wayfi.frontends.measurements import Sensor, StaticTransforms, WifiScan
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.mcap.writer import McapWriter
+from wayfi.recordings.ros.codec import decode
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS
+from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.cli.app import app
 
+AS_FOUND = REAL_DATA / "as_found"
+TOPICS = {topic: sensor for sensor, topic in DEFAULT_TOPICS.items()}
 YEAR_NS = 31_557_600_000_000_000
 
 
@@ -169,3 +176,34 @@ def test_log_times_of_another_age_are_told_and_not_waited_for(
     assert report["recording_s"] == pytest.approx(20.0, abs=1.0)
     assert report["wall_s"] < 15.0
     assert_same(tmp_path / "odd", tmp_path / "plain")
+
+
+@pytest.mark.skipif(not AS_FOUND.is_dir(), reason="the real recordings are not beside the project (../shared/data)")
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("tb4_mac2", {"/odom": 920, "/scan": 357, "/tf": 953, "/tf_static": 2}),
+        ("tb4_mac2/macfirst_floor_take_2_0.db3", {"/odom": 920, "/scan": 357}),
+        ("okazaki_subset.bag", {"/odom": 233, "/scan": 186, "/tf": 796}),
+        ("two_lasers.bag", {"/front_scan": 331, "/rear_scan": 330}),
+        ("fr079.clf.bz2", {"/odom": 8951, "/scan": 4934, "/tf_static": 1}),
+    ],
+)
+def test_files_as_their_owners_have_them_are_read(name: str, counts: dict[str, int]) -> None:
+    recording = open_any_recording(AS_FOUND / name)
+    read: Counter[str] = Counter()
+    for r in recording:
+        read[r.topic] += 1
+        sensor = TOPICS.get(r.topic, Sensor.SCAN if r.topic.endswith("scan") else None)
+        if sensor is not None:
+            decode(r.data, sensor, Encoding(r.encoding))
+    assert read == recording.message_counts
+    assert read.items() >= counts.items()
+    assert recording.warnings == []
+
+
+@pytest.mark.skipif(not AS_FOUND.is_dir(), reason="the real recordings are not beside the project (../shared/data)")
+def test_a_real_folder_of_rosbag2_replays_as_the_mcap_does(tmp_path: Path) -> None:
+    run(AS_FOUND / "tb4_mac2", tmp_path / "found")
+    run(AS_FOUND.parent / "tb4_mac2" / "recording.mcap", tmp_path / "mcap")
+    assert_same(tmp_path / "found", tmp_path / "mcap")
