@@ -56,8 +56,8 @@ def is_read(encoding: str) -> bool:
 
 
 def _unknown_encoding(encoding: str, sensor: Sensor) -> str:
-    takes = f"{sensor} takes cdr or json, and recordings ros1 as well"
-    return f"unknown encoding {encoding or '(none)'}; {takes}: convert its messages to one of these"
+    how = "convert its messages to one of these (`wayfi import` does so from ROS 1, rosbag2 and CARMEN)"
+    return f"unknown encoding {encoding or '(none)'}; {sensor} takes cdr or json, and recordings ros1 as well: {how}"
 
 
 def route(topic: str, type_name: str, encoding: str, topics: Topics) -> Route:
