@@ -34,6 +34,7 @@ MOUNTS = Channel("/tf_static", TF_MESSAGE, Encoding.CDR)
 _LINES_OF_A_BLOCK = 1000
 _LONGEST_LINE_BYTES = 1 << 20
 _RANGE_MIN_M, _RANGE_MAX_M = 0.02, 80.0  # a SICK's, which reports 81.83 m and more for no return
+_LATEST_NS = 2**31 * SECOND_NS  # that a ROS time can hold
 _AGREEMENT_M = 0.02  # of a laser's places on the robot: text has centimetres or better
 
 
@@ -223,7 +224,7 @@ def line_of(text: bytes) -> Line | None:
         stamp_ns, log_time_ns = round(stamp_s * SECOND_NS), round(log_time_s * SECOND_NS)
     except (ValueError, OverflowError):
         return None
-    if not 0 <= log_time_ns < 2**63:
+    if not 0 <= log_time_ns < _LATEST_NS or stamp_ns >= _LATEST_NS:
         return None
     return Line(words[0], words[1:-3], stamp_ns if stamp_ns > 0 else log_time_ns, log_time_ns)
 

@@ -28,6 +28,7 @@ _KINDS = {".mcap": "an MCAP file", ".db3": "a rosbag2 database", ".bag": "a ROS 
 _LOGS = {".log": "a CARMEN log", ".clf": "a CARMEN log"}
 _PACKED = (".zstd", ".zst", ".gz", ".bz2", ".xz")
 _LOOKED_AT_BYTES = 1 << 16
+_METADATA = "metadata.yaml"
 _NAMED_FILE = re.compile(r"^\s*-\s+[\"']?([^\s\"']+\.(?:db3|mcap)(?:\.zstd)?)[\"']?\s*$", re.MULTILINE)
 
 
@@ -63,6 +64,8 @@ def open_any_recording(path: Path) -> Recording:
     """
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
+    if path.name == _METADATA:
+        path = path.parent
     if not path.is_dir():
         return recording_of(path, [path], part_of)
     if any(path.glob(BLACKBOX_PATTERN)):
@@ -114,7 +117,7 @@ def _files_in(folder: Path) -> list[Path]:
 def _missing(folder: Path) -> list[str]:
     """A line for each file that rosbag2's metadata names and that is not there, packed or not."""
     try:
-        named = _NAMED_FILE.findall((folder / "metadata.yaml").read_text(encoding="utf-8", errors="replace"))
+        named = _NAMED_FILE.findall((folder / _METADATA).read_text(encoding="utf-8", errors="replace"))
     except OSError:
         return []
     there = {path.name.removesuffix(".zstd") for path in folder.iterdir()}

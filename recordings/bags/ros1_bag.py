@@ -17,7 +17,7 @@ from mcap.records import Attachment
 
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError, read_bytes
-from wayfi.recordings.mcap.chunks import LARGEST_CHUNK_BYTES
+from wayfi.recordings.mcap.chunks import LARGEST_SALVAGED_BYTES
 from wayfi.recordings.mcap.layout import Bytes
 from wayfi.recordings.mcap.lz4_salvage import sound_beginning
 from wayfi.recordings.ros.topics import Channel
@@ -215,7 +215,7 @@ class Ros1Bag:
 
 def decompress(data: bytes, compression: str, size: int) -> bytes:
     """The content of a chunk, or what comes before its damage. Raises ValueError for an unknown compression."""
-    limit = min(size, LARGEST_CHUNK_BYTES)
+    limit = min(size, LARGEST_SALVAGED_BYTES)
     if compression == "none":
         return data
     if compression == "bz2":

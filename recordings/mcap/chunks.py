@@ -9,6 +9,8 @@ import zstandard
 from wayfi.recordings.mcap.lz4_salvage import sound_beginning
 
 LARGEST_CHUNK_BYTES = 1 << 30
+LARGEST_SALVAGED_BYTES = 1 << 27
+"""Of a chunk that is damaged, whose size may be, too: chunks are of some MiB."""
 _FED_AT_ONCE_BYTES = 64
 _FAULTS = (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError, ValueError)
 
@@ -47,7 +49,7 @@ def _decompressed(data: bytes, compression: str, size: int) -> bytes:
 
 
 def _beginning(data: bytes, compression: str, size: int) -> bytes:
-    limit = min(size, LARGEST_CHUNK_BYTES)
+    limit = min(size, LARGEST_SALVAGED_BYTES)
     if compression == "zstd":
         return _zstd_beginning(data, limit)
     return sound_beginning(data, limit) if compression == "lz4" else b""

@@ -1,9 +1,8 @@
 """Recordings: an MCAP file, a folder of rotated parts, or a daemon's run folder, read as one stream of records."""
 
 import hashlib
-import heapq
 import re
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -13,6 +12,7 @@ from mcap.records import Attachment
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.mcap.index import McapIndex
+from wayfi.recordings.mcap.merging import in_log_time_order
 from wayfi.recordings.ros.foreign import convert, converted_channel
 from wayfi.recordings.ros.topics import Channel
 
@@ -129,7 +129,7 @@ class Recording:
 
     def _converted(self) -> Iterator[Record]:
         known: dict[Channel, Channel] = {}
-        for record in _in_log_time_order(self._parts):
+        for record in in_log_time_order(self._parts):
             channel = record.channel
             if channel not in known:
                 known[channel] = converted_channel(channel)
@@ -187,32 +187,3 @@ def _in_file_order(parts: Sequence[Part]) -> Iterator[Record]:
     for part in parts:
         for block in part.blocks:
             yield from part.records(block)
-
-
-def _in_log_time_order(parts: Sequence[Part]) -> Iterator[Record]:
-    """Merge the blocks by log time. Only blocks that overlap in time are in memory together."""
-    waiting = deque(sorted(_starts(parts), key=lambda start: start[:3]))
-    merging: list[tuple[int, int, int, int, list[Record]]] = []
-    while waiting or merging:
-        while waiting and (not merging or waiting[0][:3] <= merging[0][:3]):
-            _, number, offset, block = waiting.popleft()
-            records = sorted(parts[number].records(block), key=lambda record: record.log_time_ns)
-            if records:
-                heapq.heappush(merging, (records[0].log_time_ns, number, offset, 0, records))
-        if merging:
-            yield _pop_earliest(merging)
-
-
-def _starts(parts: Sequence[Part]) -> Iterator[tuple[int, int, int, Block]]:
-    for number, part in enumerate(parts):
-        for block in part.blocks:
-            yield block.start_ns, number, block.offset, block
-
-
-def _pop_earliest(merging: list[tuple[int, int, int, int, list[Record]]]) -> Record:
-    _, number, offset, index, records = merging[0]
-    if index + 1 < len(records):
-        heapq.heapreplace(merging, (records[index + 1].log_time_ns, number, offset, index + 1, records))
-    else:
-        heapq.heappop(merging)
-    return records[index]

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import lz4.frame
 import numpy as np
 import zstandard
 from rosbags.serde import SerdeError
@@ -16,7 +17,7 @@ _DIFFERENT_IN_ROS1 = {
     *("sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Range", "shape_msgs/msg/SolidPrimitive"),
     *("stereo_msgs/msg/DisparityImage", "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"),
 }
-_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_ZSTD_MAGIC, _LZ4_MAGIC = b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18"
 _LARGEST_MESSAGE_BYTES = 1 << 28
 _LARGEST_SCAN_BYTES = 1 << 22  # of small objects, whose decoding takes a second
 _MALFORMED = (SerdeError, ValueError, TypeError, IndexError, OverflowError, MemoryError, AssertionError)
@@ -35,7 +36,7 @@ def converted_channel(channel: Channel) -> Channel:
 
 def convert(data: bytes, channel: Channel) -> bytes:
     """A message of `channel` as one of its converted channel; empty, which no decoder takes, if it is malformed."""
-    if data.startswith(_ZSTD_MAGIC):  # no message in CDR, JSON or of ROS 1 begins like that
+    if data.startswith((_ZSTD_MAGIC, _LZ4_MAGIC)):  # no message in CDR or JSON begins like that
         data = _decompressed(data)
     type_name = canonical_type(channel.type_name)
     type_name = _RENAMED.get(type_name, type_name)
@@ -68,6 +69,8 @@ def _first_echoes(data: bytes) -> bytes:
 
 def _decompressed(data: bytes) -> bytes:
     try:
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=_LARGEST_MESSAGE_BYTES)
-    except zstandard.ZstdError:
+        if data.startswith(_ZSTD_MAGIC):
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=_LARGEST_MESSAGE_BYTES)
+        return bytes(lz4.frame.decompress(data))
+    except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError):
         return b""

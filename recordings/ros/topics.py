@@ -56,8 +56,8 @@ def is_read(encoding: str) -> bool:
 
 
 def _unknown_encoding(encoding: str, sensor: Sensor) -> str:
-    takes = f"{sensor} takes cdr or json, and recordings ros1 as well"
-    return f"unknown encoding {encoding or '(none)'}; {takes}: convert its messages to one of these"
+    how = "convert its messages to one of these (`wayfi import` does so from ROS 1, rosbag2 and CARMEN)"
+    return f"unknown encoding {encoding or '(none)'}; {sensor} takes cdr or json, and recordings ros1 as well: {how}"
 
 
 def route(topic: str, type_name: str, encoding: str, topics: Topics) -> Route:
@@ -67,6 +67,8 @@ def route(topic: str, type_name: str, encoding: str, topics: Topics) -> Route:
     sensor = next((sensor for sensor in topics if topic in topics_of(topics, sensor)), None)
     if sensor is None:
         by_type = sensor_of_type(type_name)
+        if by_type is None and "Compressed" in type_name and "Point" in type_name:
+            return _unused(f"{type_name} is not read: republish it as sensor_msgs/msg/PointCloud2, not compressed")
         if by_type is None:
             return _unused(f"no sensor is configured for this topic (type {type_name or 'unknown'})")
         expected = " and ".join(topics_of(topics, by_type))

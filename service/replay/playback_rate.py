@@ -20,12 +20,13 @@ class PlaybackRate:
         self._rate = rate
         self._start: tuple[float, int] | None = None
         self._latest_ns = 0
+        self._played_ns = 0
         self._gaps: list[tuple[int, int]] = []
 
     @property
-    def skipped_s(self) -> float:
-        """The sum of the gaps that were not waited for."""
-        return sum(length for _, length in self._gaps) / SECOND_NS
+    def played_s(self) -> float:
+        """Seconds of log time so far, without what was not waited for."""
+        return self._played_ns / SECOND_NS
 
     @property
     def warnings(self) -> list[str]:
@@ -44,6 +45,8 @@ class PlaybackRate:
             self._gaps.append((self._latest_ns, step_ns))
         if self._start is None or abs(step_ns) > LONGEST_GAP_NS:
             self._start = (time.monotonic(), log_time_ns)
+        else:
+            self._played_ns += step_ns
         self._latest_ns = log_time_ns
         if self._rate is not None:
             _wait_until(self._start[0] + (log_time_ns - self._start[1]) / SECOND_NS / self._rate, stopped)

@@ -88,7 +88,7 @@ def replay(
             raise ReplayError(_nothing_usable(recording_path, replayer.drive, sought, replayer.unused))
         warnings = recording.warnings + sought + playback.warnings
         warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
-        source = Source(time.perf_counter() - start, recording.duration_s - playback.skipped_s, sha256, warnings)
+        source = Source(time.perf_counter() - start, playback.played_s, sha256, warnings)
         return write_results(folder.staged, replayer.drive, result, source)
 
 

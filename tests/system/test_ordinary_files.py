@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,24 @@ from faulty.faults import LASER_M, refused
 from faulty.files import packed, renamed, spoil
 from mcap.writer import CompressionType
 from mcap_files import chunk_indexes
+from places import REAL_DATA
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from typer.testing import CliRunner
 
-from wayfi.frontends.measurements import StaticTransforms, WifiScan
+from wayfi.frontends.measurements import Sensor, StaticTransforms, WifiScan
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
+from wayfi.recordings.mcap.writer import McapWriter
+from wayfi.recordings.ros.codec import decode
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS
+from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.cli.app import app
+
+AS_FOUND = REAL_DATA / "as_found"
+TOPICS = {topic: sensor for sensor, topic in DEFAULT_TOPICS.items()}
+YEAR_NS = 31_557_600_000_000_000
 
 
 @pytest.mark.parametrize(
@@ -145,3 +155,55 @@ def test_garbage_is_refused_in_one_line(tmp_path: Path, name: str, content: byte
     for command in ("replay", "import"):
         assert name in refused(command, tmp_path / name, "--out", tmp_path / "out")
     assert name in refused("inspect", tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "shift_ns"),
+    [(range(3), None), (range(200, 203), None), (range(300, 10_000), 20 * YEAR_NS)],
+    ids=["log time 0 at first", "log time 0 on the way", "twenty years on the way"],
+)
+def test_log_times_of_another_age_are_told_and_not_waited_for(
+    minute: Simulated, tmp_path: Path, numbers: range, shift_ns: int | None
+) -> None:
+    first = [a for a in minute.arrivals if a.second < 20.0]
+    with McapWriter(tmp_path / "odd.mcap") as writer:
+        for n, r in enumerate(open_recording(write(tmp_path / "plain.mcap", first))):
+            log_time_ns = r.log_time_ns if n not in numbers else 0 if shift_ns is None else r.log_time_ns + shift_ns
+            writer.write(r.topic, r.type_name, r.encoding, log_time_ns, r.data)
+    report = run(tmp_path / "odd.mcap", tmp_path / "odd", rate=50.0)
+    run(tmp_path / "plain.mcap", tmp_path / "plain")
+    assert any("gap" in line and "log time" in line for line in report["warnings"])
+    assert report["recording_s"] == pytest.approx(20.0, abs=1.0)
+    assert report["wall_s"] < 15.0
+    assert_same(tmp_path / "odd", tmp_path / "plain")
+
+
+@pytest.mark.skipif(not AS_FOUND.is_dir(), reason="the real recordings are not beside the project (../shared/data)")
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("tb4_mac2", {"/odom": 920, "/scan": 357, "/tf": 953, "/tf_static": 2}),
+        ("tb4_mac2/macfirst_floor_take_2_0.db3", {"/odom": 920, "/scan": 357}),
+        ("okazaki_subset.bag", {"/odom": 233, "/scan": 186, "/tf": 796}),
+        ("two_lasers.bag", {"/front_scan": 331, "/rear_scan": 330}),
+        ("fr079.clf.bz2", {"/odom": 8951, "/scan": 4934, "/tf_static": 1}),
+    ],
+)
+def test_files_as_their_owners_have_them_are_read(name: str, counts: dict[str, int]) -> None:
+    recording = open_any_recording(AS_FOUND / name)
+    read: Counter[str] = Counter()
+    for r in recording:
+        read[r.topic] += 1
+        sensor = TOPICS.get(r.topic, Sensor.SCAN if r.topic.endswith("scan") else None)
+        if sensor is not None:
+            decode(r.data, sensor, Encoding(r.encoding))
+    assert read == recording.message_counts
+    assert read.items() >= counts.items()
+    assert recording.warnings == []
+
+
+@pytest.mark.skipif(not AS_FOUND.is_dir(), reason="the real recordings are not beside the project (../shared/data)")
+def test_a_real_folder_of_rosbag2_replays_as_the_mcap_does(tmp_path: Path) -> None:
+    run(AS_FOUND / "tb4_mac2", tmp_path / "found")
+    run(AS_FOUND.parent / "tb4_mac2" / "recording.mcap", tmp_path / "mcap")
+    assert_same(tmp_path / "found", tmp_path / "mcap")
