@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
     SECOND_NS,
@@ -20,7 +21,7 @@ from wayfi.frontends.measurements import (
     WifiScan,
 )
 from wayfi.recordings.bags.opening import open_any_recording
-from wayfi.recordings.inspecting.clocks import ClockInspection, clock_of
+from wayfi.recordings.inspecting.clocks import ClockInspection, Stamps, clock_of
 from wayfi.recordings.inspecting.frames import FrameInspection, Frames
 from wayfi.recordings.inspecting.motion import Motion, OdometryInspection
 from wayfi.recordings.inspecting.radio import Radio, WifiInspection
@@ -100,6 +101,19 @@ class Inspection:
         """The fields as plain values for JSON."""
         return asdict(self)
 
+    @property
+    def stamped_s(self) -> float | None:
+        """Seconds from the first stamp to the last of the longest stream that is used; None without stamps."""
+        spans_ns = [
+            topic.last_stamp_ns - topic.first_stamp_ns
+            for topic in self.topics
+            if topic.clock
+            and not topic.clock.still
+            and topic.last_stamp_ns is not None
+            and topic.first_stamp_ns is not None
+        ]
+        return max(spans_ns) / SECOND_NS if spans_ns else None
+
     def of(self, sensor: Sensor) -> list[TopicInspection]:
         """The topics that are read for a sensor and can be decoded."""
         return [topic for topic in self.topics if topic.sensor == sensor and topic.undecodable < topic.count]
@@ -140,8 +154,11 @@ class _ChannelStatistics:
         stamps_ns = np.sort(
             np.array([stamp for stamps in self._stamps_ns.values() for stamp in stamps], dtype=np.int64)
         )
-        steps_s = np.diff(stamps_ns) / SECOND_NS
-        sensor = self.route.sensor
+        sensor, clock = self.route.sensor, self._clock()
+        rated_ns = stamps_ns if sensor is Sensor.WIFI else np.sort(self._of_main_source(self._stamps_ns))
+        by_log_time = sensor is None or (clock is not None and clock.still)
+        steps_s = np.diff(rated_ns) / SECOND_NS
+        timed_ns = np.sort(self._of_main_source(self._log_times_ns)) if by_log_time else rated_ns
         return TopicInspection(
             topic=topic,
             type_name=type_name,
@@ -152,7 +169,7 @@ class _ChannelStatistics:
             undecodable=self.undecodable,
             first_stamp_ns=int(stamps_ns[0]) if len(stamps_ns) else None,
             last_stamp_ns=int(stamps_ns[-1]) if len(stamps_ns) else None,
-            rate_hz=_median_rate_hz(steps_s),
+            rate_hz=_median_rate_hz(np.diff(timed_ns) / SECOND_NS),
             longest_gap_s=float(steps_s.max()) if len(steps_s) else None,
             time_faults=self._time_faults(),
             non_finite=self.non_finite,
@@ -161,8 +178,8 @@ class _ChannelStatistics:
             beams=max(self._sizes, key=lambda size: (self._sizes[size], size)) if self._sizes else None,
             sensor=sensor,
             reasons=dict(self._reasons.most_common(_SHOWN_REASONS)),
-            rate_by="log time" if sensor is None else "stamp",
-            clock=self._clock(),
+            rate_by="log time" if by_log_time else "stamp",
+            clock=clock,
             odometry=self._motion.inspection() if sensor is Sensor.ODOM else None,
             laser=self._scans.inspection(),
             cloud=self._clouds.inspection(self._frames.mounts, config),
@@ -170,8 +187,7 @@ class _ChannelStatistics:
         )
 
     def _count(self, measurement: Measurement, log_time_ns: int) -> None:
-        source = measurement.receiver if isinstance(measurement, WifiScan) else ""
-        self._add_stamp(source, measurement.stamp_ns, log_time_ns)
+        self._add_stamp(_source(measurement), measurement.stamp_ns, log_time_ns)
         if isinstance(measurement, WifiScan):
             self.bssids.update(measurement.bssids)
             self._radio.add(measurement)
@@ -195,9 +211,11 @@ class _ChannelStatistics:
         """The clock of the source that sent most; transforms have none, nor what is not decoded."""
         if self.route.sensor in (None, Sensor.TF_STATIC, Sensor.TF) or not self._stamps_ns:
             return None
-        source = max(self._stamps_ns, key=lambda each: len(self._stamps_ns[each]))
-        times = (np.array(stamps[source], np.int64) for stamps in (self._stamps_ns, self._log_times_ns))
-        return clock_of(*times)
+        return clock_of(self._of_main_source(self._stamps_ns), self._of_main_source(self._log_times_ns))
+
+    def _of_main_source(self, times_ns: "dict[str, array[int]]") -> Stamps:
+        """The times of the source that sent most, in the order of the recording."""
+        return np.array(max(times_ns.values(), key=len, default=()), np.int64)
 
     def _time_faults(self) -> TimeFaults:
         if self.route.sensor in (None, Sensor.TF_STATIC, Sensor.TF):
@@ -243,6 +261,15 @@ def inspect_recording(
     )
 
 
+def _source(m: Measurement) -> str:
+    """What tells the sources on one topic apart."""
+    if isinstance(m, WifiScan):
+        return m.receiver
+    if isinstance(m, Odometry):
+        return m.child_frame_id
+    return m.frame_id if isinstance(m, LaserScan | PointCloud) else ""
+
+
 def _against_odometry(topics: list[TopicInspection]) -> tuple[TopicInspection, ...]:
     """The topics, their clocks compared with that of the odometry, if there is any."""
     odometry = next((topic.clock for topic in topics if topic.sensor == Sensor.ODOM and topic.clock), None)
@@ -261,7 +288,7 @@ def _is_usable(channel: _ChannelStatistics) -> bool:
     return channel.route.sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) and channel.undecodable < channel.count
 
 
-def _median_rate_hz(steps_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float | None:
+def _median_rate_hz(steps_s: Floats) -> float | None:
     """One over the median of `steps_s` (n,), without steps of zero (duplicates, or receivers in parallel)."""
     moving = steps_s[steps_s > 0.0]
     rate_hz = 1.0 / float(np.median(moving)) if len(moving) else math.nan

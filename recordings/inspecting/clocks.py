@@ -42,7 +42,9 @@ def clock_of(stamps_ns: Stamps, log_times_ns: Stamps) -> ClockInspection | None:
     """The clock of messages stamped `stamps_ns` (n,), in the order of their `log_times_ns` (n,); None without any."""
     if len(stamps_ns) == 0:
         return None
-    stamps_s, log_s = ((ns - ns[0]) / SECOND_NS for ns in (stamps_ns, log_times_ns))
+    stamps_s, log_s = (
+        (ns - float(ns[0])) / SECOND_NS for ns in (stamps_ns, log_times_ns)
+    )  # may differ by over 2^63 ns
     playback = _playback(stamps_s, log_s)
     first_s = (int(stamps_ns[0]) - int(log_times_ns[0])) / SECOND_NS
     ahead_s = stamps_s - log_s
@@ -72,5 +74,6 @@ def _playback(stamps_s: NDArray[np.float64], log_s: NDArray[np.float64]) -> floa
 def _steps(ahead_s: NDArray[np.float64]) -> list[float]:
     """How far each lasting step of `ahead_s` (n,) goes, s."""
     at = np.flatnonzero(np.abs(np.diff(ahead_s)) > STEP_S)[:MOST_STEPS] + 1
-    changes = [float(np.median(ahead_s[i : i + AROUND]) - np.median(ahead_s[max(i - AROUND, 0) : i])) for i in at]
+    inner = at[(at >= AROUND) & (at <= len(ahead_s) - AROUND)]
+    changes = [float(np.median(ahead_s[i : i + AROUND]) - np.median(ahead_s[i - AROUND : i])) for i in inner]
     return [change for change in changes if abs(change) > STEP_S]

@@ -10,6 +10,7 @@ import numpy as np
 from wayfi.frontends.measurements import SECOND_NS, Odometry
 
 STILL_M, STILL_RAD = 1e-6, 1e-6  # between two messages: wheels that turn are seen to
+_LARGEST = 1e9  # m: larger numbers are no poses
 USUAL = 99  # per cent of the speeds, so that a leap does not count as one
 
 
@@ -42,7 +43,7 @@ class Motion:
         self._frames[frame] += 1
         speed = math.hypot(*m.twist[:2])
         row = (m.stamp_ns / SECOND_NS, m.pose.x, m.pose.y, m.pose.theta, speed)
-        if all(map(math.isfinite, row)):
+        if all(abs(number) < _LARGEST for number in row[1:]):
             self._rows.setdefault(frame, array("d")).extend(row)
 
     def inspection(self) -> OdometryInspection:

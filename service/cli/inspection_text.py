@@ -3,6 +3,7 @@
 import math
 import textwrap
 from collections.abc import Iterator
+from itertools import groupby
 
 from wayfi.recordings.inspecting.clocks import ClockInspection
 from wayfi.recordings.inspecting.frames import FrameInspection
@@ -13,7 +14,7 @@ from wayfi.recordings.inspection import Inspection, TopicInspection
 from wayfi.service.replay.diagnosis import Diagnosis
 
 COLUMNS = 80
-NOTABLE_S = 0.05  # between two clocks: more than the latencies of most drivers
+NOTABLE_S, GRAVE_S = 0.05, 0.5  # between two clocks: more than the latencies of most drivers, and of all
 LONG_STILL_S = 5.0
 MOST_NAMES = 6
 
@@ -21,7 +22,7 @@ MOST_NAMES = 6
 def lines_of(diagnosis: Diagnosis) -> Iterator[str]:
     """The lines to print."""
     inspection = diagnosis.inspection
-    yield from _wrapped(f"{inspection.path}: {_seconds(inspection.duration_s)}, {inspection.message_count} messages")
+    yield from _wrapped(f"{inspection.path}: {_lasts(inspection)}, {inspection.message_count} messages")
     for topic in sorted(inspection.topics, key=lambda topic: (not topic.used, topic.topic)):
         yield ""
         yield from _topic(topic)
@@ -39,10 +40,19 @@ def lines_of(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Next: {diagnosis.command}"
 
 
+def _lasts(inspection: Inspection) -> str:
+    logged_s, stamped_s = inspection.duration_s, inspection.stamped_s
+    if stamped_s is None or abs(logged_s - stamped_s) < 0.1 * logged_s + 1.0:
+        return _seconds(logged_s)
+    return f"{_seconds(stamped_s)} by its stamps, {_seconds(logged_s)} by its log times"
+
+
 def _topic(topic: TopicInspection) -> Iterator[str]:
+    does = topic.why if topic.used else "is not used"
     kind = f"{topic.type_name or 'no type'}, {topic.encoding or 'no encoding'}"
-    yield from _wrapped(f"{topic.topic}  {kind}", "", "  ")
-    yield from _item(topic.why if topic.used else f"not used: {topic.why}")
+    yield from _wrapped(f"{topic.topic} {does} ({kind})")
+    if not topic.used:
+        yield from _item(topic.why)
     yield from _item(_counts(topic))
     for reason, count in (topic.reasons or {}).items():
         yield from _item(f"! cannot be decoded, {count} times: {reason}")
@@ -65,9 +75,9 @@ def _counts(topic: TopicInspection) -> str:
     if topic.longest_gap_s and topic.rate_hz and topic.longest_gap_s * topic.rate_hz > 3.0:
         said.append(f"longest gap {_seconds(topic.longest_gap_s)}")
     if topic.time_faults.jumps_back:
-        said.append(f"{topic.time_faults.jumps_back} stamps jump back")
+        said.append(f"stamps jump back {_times(topic.time_faults.jumps_back)}")
     if topic.time_faults.duplicates:
-        said.append(f"{topic.time_faults.duplicates} stamps come twice")
+        said.append(f"stamps stay as they were {_times(topic.time_faults.duplicates)}")
     if topic.non_finite:
         said.append(f"{topic.non_finite} not finite")
     return ", ".join(said)
@@ -118,37 +128,54 @@ def _wifi(found: WifiInspection, bssids: int) -> Iterator[str]:
 def _clock(found: ClockInspection) -> Iterator[str]:
     if found.still:
         yield from _item("! all stamps are the same: they do not move with time")
-        return
-    if not found.in_real_time and found.playback is not None:
+    elif found.steps:
+        step = f"{'+' if found.largest_step_s > 0 else '-'}{_seconds(abs(found.largest_step_s))}"
+        yield from _item(f"! its stamps step against log time {_times(found.steps)}, at most by {step}")
+    elif not found.in_real_time and found.playback is not None:
         yield from _item(f"recorded from a playback at {found.playback:.3g} times real time")
-    elif abs(found.offset_s) > NOTABLE_S or found.spread_s > NOTABLE_S:
+    else:
+        yield from _offsets(found)
+
+
+def _offsets(found: ClockInspection) -> Iterator[str]:
+    if abs(found.offset_s) > NOTABLE_S or found.spread_s > NOTABLE_S:
         side = "after" if found.offset_s > 0 else "before"
         yield from _item(f"stamped {_seconds(abs(found.offset_s))} {side} log time, spread {_seconds(found.spread_s)}")
-    if found.steps:
-        yield from _item(f"! its clock steps {found.steps} times, at most by {found.largest_step_s:+.3g} s")
     ahead_s = found.against_odometry_s
-    if ahead_s is not None and found.in_real_time and abs(ahead_s) > NOTABLE_S:
+    if ahead_s is not None and abs(ahead_s) > NOTABLE_S:
+        mark = "! " if abs(ahead_s) > GRAVE_S else ""
         side = "ahead of" if ahead_s > 0 else "behind"
-        yield from _item(f"! its clock is {_seconds(abs(ahead_s))} {side} the odometry's")
+        yield from _item(f"{mark}its clock is {_seconds(abs(ahead_s))} {side} the odometry's")
 
 
 def _frames(inspection: Inspection) -> Iterator[str]:
+    """The tree; neighbours that no sensor is at, and that nothing hangs on, share a line."""
     if inspection.frames:
-        yield "Frames, and where they are on the base:"
-    for frame in inspection.frames:
-        yield from _wrapped(_frame(frame), "  " * (frame.depth + 1), "  " * (frame.depth + 3))
+        yield "Frames, and where lasers are on the base:"
+    parents = {frame.parent for frame in inspection.frames}
+    for (depth, alone), group in groupby(
+        inspection.frames, lambda frame: (frame.depth, frame.frame if frame.of or frame.frame in parents else "")
+    ):
+        indent, frames = "  " * (depth + 1), list(group)
+        text = _frame(frames[0]) if alone else ", ".join(frame.frame for frame in frames)
+        yield from _wrapped(text, indent, indent + "    ")
     for fault in inspection.frame_faults:
         yield from _wrapped(f"! {fault}", "  ", "    ")
 
 
 def _frame(found: FrameInspection) -> str:
-    of = {"odometry": " (the odometry's)", "laser": " (a laser's)"}.get(found.of, "")
+    if not found.of:
+        return found.frame
     if found.of == "odometry":
-        return f"{found.frame}{of}"
+        return f"{found.frame} (the odometry's)"
     if found.mount is None:
-        return f"{found.frame}{of}: not joined to the base"
+        return f"{found.frame} (a laser's): not joined to the base"
     x, y, theta = found.mount
-    return f"{found.frame}{of}: {x:.2f} m ahead, {y:.2f} m left, turned {math.degrees(theta):.0f} degrees"
+    return f"{found.frame} (a laser's): x {x:.2f} m, y {y:.2f} m, turned {math.degrees(theta):.0f} degrees"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _names(counts: dict[str, int]) -> str:

@@ -1,8 +1,9 @@
 """The diagnosis of a recording: what it holds, what a replay of its beginning says, a verdict, what to type next."""
 
+import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.inspection import Inspection, TopicInspection, inspect_recording
 from wayfi.service.config import Config
+from wayfi.service.replay.found_topics import with_found_topics
 from wayfi.service.replay.trial import Trial, suggested_topics, try_out, with_topics
 
 LEAST_POSES = 2  # one alone is no trajectory
+LEAST_IN_BAND = 0.001  # of a cloud's points: some noise there makes no map
 LEAST_USED = 0.1  # of a stream: less is told as not used
+_SETTING = re.compile(r"--set ([\w.]+=[^\s;,]+)")
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -26,7 +30,7 @@ class Diagnosis:
     trial: Trial
     usable: bool
     verdict: str
-    command: str
+    command: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain values for JSON; those of the inspection stand at the top."""
@@ -39,18 +43,32 @@ def diagnose(path: Path, config: Config, calibration: Calibration | None, option
 
     Raises RecordingError.
     """
-    topics = suggested_topics(open_any_recording(path), config)
+    recording = open_any_recording(path)
+    sought = [] if recording.is_blackbox else with_found_topics(config, recording)[1]
+    topics = suggested_topics(recording, config)
     config = with_topics(config, topics)
-    base_frame = config.odometry.base_frame
-    inspection = inspect_recording(path, config.recording.every_topic, config.lidar, base_frame)
+    inspection = inspect_recording(path, config.recording.every_topic, config.lidar, config.odometry.base_frame)
+    inspection = replace(inspection, warnings=tuple(dict.fromkeys((*inspection.warnings, *sought))))
     trial = try_out(path, config, calibration)
-    settings = [word for sensor, topic in topics.items() for word in ("--set", f"recording.{sensor}={topic}")]
-    command = shlex.join(["wayfi", "replay", str(path), "--out", "result", *options, *settings])
     if trial.poses < LEAST_POSES:
-        return Diagnosis(
-            inspection, trial, False, f"This recording cannot be replayed: {_why_not(inspection, trial)}.", ""
-        )
+        return Diagnosis(inspection, trial, False, f"This recording cannot be replayed: {_why_not(inspection, trial)}")
+    settings = [f"recording.{sensor}={topic}" for sensor, topic in topics.items()] + _remedies(inspection, trial)
+    options = [*options, *(word for setting in settings for word in ("--set", setting))]
+    command = shlex.join(["wayfi", "replay", str(path), "--out", "result", *options])
     return Diagnosis(inspection, trial, True, _verdict(inspection, trial), command)
+
+
+def _remedies(inspection: Inspection, trial: Trial) -> list[str]:
+    """The settings that the trial's warnings name for streams of which nothing is used."""
+    unused = [topic for sensor in _SENSED for topic in inspection.of(sensor) if not _is_used(topic, trial)]
+    names = {name for topic in unused for name in (topic.topic, *_frames(topic))}
+    warnings = [warning for warning in trial.warnings if any(name in warning for name in names)]
+    return list(dict.fromkeys(setting for warning in warnings for setting in _SETTING.findall(warning)))
+
+
+def _frames(topic: TopicInspection) -> list[str]:
+    sweeps = topic.laser or topic.cloud
+    return [repr(frame) for frame in sweeps.frames] if sweeps else []
 
 
 def _why_not(inspection: Inspection, trial: Trial) -> str:
@@ -73,7 +91,7 @@ def _verdict(inspection: Inspection, trial: Trial) -> str:
     if not found[Sensor.ODOM] and inspection.of(Sensor.TF) and not any(found.values()):
         parts.append("odometry from /tf")
     unused = [
-        f" {topic.topic} is not used: see the warnings."
+        f" Of {topic.topic} nothing is used: see the warnings."
         for sensor in _SENSED
         for topic in inspection.of(sensor)
         if not _is_used(topic, trial)
@@ -98,7 +116,9 @@ _EXPECTED = {
 
 def _is_used(topic: TopicInspection, trial: Trial) -> bool:
     """Whether the trial used the topic; one that begins later than the trial ends is taken to be used."""
-    if topic.sensor == Sensor.WIFI and topic.wifi is not None and topic.wifi.readings == 0.0:
+    if topic.wifi is not None and topic.wifi.readings == 0.0:
+        return False
+    if topic.cloud is not None and topic.cloud.in_band is not None and topic.cloud.in_band < LEAST_IN_BAND:
         return False
     return topic.topic not in trial.messages or trial.used(topic.topic) >= LEAST_USED
 
