@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from wayfi.backend.errors import WayfiError
 from wayfi.service.cli.options import (
     CalibrationFile,
     Files,
@@ -101,15 +100,20 @@ def inspect(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Show what a recording holds: topics, rates, gaps, time faults, and what a replay would use."""
+    """Show what a recording holds, what is wrong with it, and what to type next; exit 1 where it cannot be used."""
     with command_output(quiet, as_json) as output:
-        from wayfi.recordings.inspection import inspect_recording
-        from wayfi.service.cli.summaries import print_inspection
+        from wayfi.service.cli.summaries import print_diagnosis
+        from wayfi.service.replay.diagnosis import diagnose
+        from wayfi.service.replay.replay import settings_for
 
-        inspection = inspect_recording(recording, configuration(config, settings).recording.every_topic)
-        print_inspection(output, inspection)
-        if not inspection.usable:
-            raise WayfiError(f"{recording}: neither odometry nor scans: a replay has nothing to do")
+        configured, prior = settings_for(recording, config or (), settings or (), None)
+        options = [word for path in config or () for word in ("--config", str(path))]
+        options += [word for setting in settings or () for word in ("--set", setting)]
+        with output.progress(f"inspect {recording}"):
+            diagnosis = diagnose(recording, configured, prior, options)
+        print_diagnosis(output, diagnosis)
+    if not diagnosis.usable:
+        raise typer.Exit(1)
 
 
 def publish(

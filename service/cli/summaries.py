@@ -4,9 +4,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from wayfi.recordings.inspection import Inspection
+from wayfi.service.cli.inspection_text import lines_of
 from wayfi.service.evaluation.evaluate import Evaluation
 from wayfi.service.process.console import Output
+from wayfi.service.replay.diagnosis import Diagnosis
 
 
 def print_replay(output: Output, out: Path, report: dict[str, Any]) -> None:
@@ -39,25 +40,14 @@ def print_evaluation(output: Output, directory: Path, evaluation: Evaluation) ->
     output.result(figures)
 
 
-def print_inspection(output: Output, inspection: Inspection) -> None:
-    """Print the contents of a recording."""
-    output.say(f"{inspection.path}: {inspection.duration_s:.1f} s, {inspection.message_count} messages")
-    rows = [
-        [
-            topic.topic,
-            topic.type_name,
-            str(topic.count),
-            "-" if topic.rate_hz is None else f"{topic.rate_hz:.1f} Hz",
-            "-" if topic.longest_gap_s is None else f"{topic.longest_gap_s:.1f} s",
-            f"{topic.time_faults.jumps_back} back, {topic.time_faults.duplicates} twice",
-            topic.why,
-        ]
-        for topic in inspection.topics
-    ]
-    output.table("", ["topic", "type", "messages", "rate", "longest gap", "time faults", ""], rows)
-    for warning in inspection.warnings:
-        output.say(f"warning: {warning}")
-    output.result(inspection.to_dict())
+def print_diagnosis(output: Output, diagnosis: Diagnosis) -> None:
+    """Print what a recording holds, the verdict, and what to type next."""
+    for line in lines_of(diagnosis):
+        output.say(line)
+    if diagnosis.usable:
+        output.result(diagnosis.to_dict())
+    else:
+        output.error(diagnosis.verdict, diagnosis.to_dict())
 
 
 def _figure_text(value: float | None) -> str:

@@ -63,11 +63,11 @@ class Output:
         if self.as_json:
             print(json.dumps(value), flush=True)  # noqa: T201 - stdout is the interface
 
-    def error(self, text: str) -> None:
-        """One line that says what is wrong."""
+    def error(self, text: str, found: Mapping[str, Any] | None = None) -> None:
+        """One line that says what is wrong; `found` is told besides where --json asks for the result."""
         self._err.print(f"wayfi: {text}", markup=False, soft_wrap=True)
         try:
-            self.result({"error": text})
+            self.result({**(found or {}), "error": text})
         except OSError:
             close_stdout()
 

@@ -81,7 +81,7 @@ def replay(
     config, sought = with_found_topics(config, recording)
     with _result_folder(options.out, recording) as folder:
         sha256 = recording.sha256()
-        replayer = _replayer(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
+        replayer = replayer_of(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
         playback = PlaybackRate(options.rate)
         result = _run(recording, replayer, playback, progress)
         if len(result.stamps_ns) == 0 or _stands_still(result, replayer.drive):
@@ -112,7 +112,8 @@ def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progr
         raise
 
 
-def _replayer(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
+def replayer_of(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
+    """What plays the recording's records, in their order, into a drive."""
     if recording.is_blackbox:
         return BlackBoxReplayer(LiveDrive(config, calibration, log))
     return PlainReplayer(Drive(config, calibration, log))
