@@ -78,7 +78,7 @@ class UnusedStreams:
         ]
 
     def _count(self, event: Dropped, messages: Mapping[str, int]) -> None:
-        topic = self._topics[event.sensor]
+        topic = event.topic or self._topics[event.sensor]
         stream = self._streams.setdefault(topic, _Stream(max(messages[topic] - 1, 0)))
         stream.block[event.reason] += 1
         stream.drive[event.reason] += 1
