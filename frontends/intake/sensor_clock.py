@@ -129,7 +129,8 @@ class SensorClock:
         if self._undo_ns and self._agree(self._undo_ns, shift_ns):
             shift_ns = self._undo_ns
         self._own.shift(shift_ns, on_base_ns + shift_ns)
-        told = told_of(-shift_ns, self._own.offset_ns) if self._undo_ns else _told_followed(shift_ns)
+        own = self._undo_ns and not self._odometry_jumped
+        told = told_of(-shift_ns, self._own.offset_ns) if own else _told_followed(shift_ns)
         self._believe()
         return Stamped(on_base_ns + shift_ns, shift_ns=shift_ns, told=told)
 

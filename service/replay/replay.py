@@ -141,7 +141,8 @@ def _open_log(config: Config, rrd: bool, path: Path, recording_id: str) -> Log:
 
 def _stands_still(result: DriveEstimate, drive: Drive) -> bool:
     """Whether nothing but the first odometry has been used, and all that followed was dropped."""
-    return len(result.stamps_ns) == 1 and drive.topics[Sensor.ODOM] in drive.counters.dropped
+    odometry = drive.config.recording.every_topic[Sensor.ODOM]
+    return len(result.stamps_ns) == 1 and any(topic in drive.counters.dropped for topic in odometry)
 
 
 def _nothing_usable(path: Path, drive: Drive, sought: list[str], unused: dict[str, str]) -> str:

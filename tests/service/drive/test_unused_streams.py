@@ -12,7 +12,12 @@ TOPICS = {sensor: f"/{sensor}" for sensor in Sensor}
 TOLD_OTHERWISE = {
     *(DropReason.UNDECODABLE, DropReason.INTERNAL_ERROR),  # with the error's own words
     *(DropReason.TOO_MANY_READINGS, DropReason.CONSTANT_LEVELS, DropReason.RANDOMISED_BSSIDS),  # of the receiver
-    *(DropReason.NO_RETURN, DropReason.CLOCK_OFF, DropReason.ABSURD_AGE),  # of the laser, or of the receiver
+    *(
+        DropReason.NO_RETURN,
+        DropReason.IMPOSSIBLE_SCAN,
+        DropReason.CLOCK_OFF,
+        DropReason.ABSURD_AGE,
+    ),  # of the laser, or of the receiver
     *(DropReason.NO_TRANSFORM, DropReason.ABSURD_MOUNT, DropReason.TOO_MANY_FRAMES),  # of the frame
     *(DropReason.LOOP_OF_FRAMES, DropReason.RESTLESS_MOUNT, DropReason.OTHER_SOURCE),  # as above
     DropReason.SENSOR_OFF,  # as the configuration wants it
