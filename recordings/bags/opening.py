@@ -88,7 +88,7 @@ def part_of(path: Path) -> Part:
 def _plain_part(path: Path, given: Path) -> Part:
     with path.open("rb") as file:
         beginning = file.read(_LOOKED_AT_BYTES)
-    if beginning.startswith(MCAP_MAGIC):
+    if beginning.startswith(MCAP_MAGIC) or path.suffix == ".mcap":
         return McapIndex(path)
     if beginning.startswith(SQLITE_MAGIC):
         return SqlitePart(path)

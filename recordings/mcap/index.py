@@ -123,9 +123,11 @@ class McapIndex:
                 magic = file.read(len(MAGIC))
                 if not magic:
                     raise RecordingError(f"{self.path} is empty")
-                if magic != MAGIC:
-                    raise RecordingError(f"{self.path} is not an MCAP file")
                 with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+                    if MAGIC not in (magic, data[-len(MAGIC) :]):
+                        raise RecordingError(f"{self.path} is not an MCAP file")
+                    if magic != MAGIC:
+                        self._damage[0] = "it does not begin as MCAP does"
                     self._add_records(data)
         except OSError as error:
             raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from error

@@ -4,6 +4,7 @@ import re
 import struct
 from collections.abc import Iterator
 
+import numpy as np
 from mcap.opcode import Opcode
 
 from wayfi.recordings.mcap.layout import (
@@ -64,8 +65,8 @@ def _record(data: Bytes, offset: int, chunk: RecordSpan | None) -> RecordSpan | 
 def _is_index_of(data: Bytes, index: RecordSpan, chunk: RecordSpan) -> bool:
     """Whether the log times in a message index are those of its chunk; if not, something of it is damaged."""
     start_ns, end_ns, size, _ = CHUNK_HEADER.unpack_from(data, chunk.offset)
-    entries = struct.iter_unpack("<QQ", data[index.offset + 6 : index.end])
-    return all(start_ns <= log_time_ns <= end_ns and offset < size for log_time_ns, offset in entries)
+    log_times_ns, offsets = np.frombuffer(data[index.offset + 6 : index.end], "<u8").reshape(-1, 2).T
+    return bool(((start_ns <= log_times_ns) & (log_times_ns <= end_ns) & (offsets < size)).all())
 
 
 def _cut_chunk(data: Bytes, offset: int) -> RecordSpan | None:

@@ -1,5 +1,7 @@
 """Messages of other kinds than ROS 2's own, converted: ROS 1, compressed one by one, and lasers with several echoes."""
 
+import struct
+from functools import lru_cache
 from typing import Any
 
 import lz4.frame
@@ -20,13 +22,12 @@ _DIFFERENT_IN_ROS1 = {
 _ZSTD_MAGIC, _LZ4_MAGIC = b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18"
 _LARGEST_MESSAGE_BYTES = 1 << 28
 _LARGEST_SCAN_BYTES = 1 << 22  # of small objects, whose decoding takes a second
-_MALFORMED = (SerdeError, ValueError, TypeError, IndexError, OverflowError, MemoryError, AssertionError)
+_MALFORMED = (SerdeError, struct.error, ValueError, TypeError, IndexError, OverflowError, MemoryError, AssertionError)
 
 
 def converted_channel(channel: Channel) -> Channel:
     """The channel as it is after `convert`: ROS 1 as ROS 2 where both have the type, several echoes as one."""
-    type_name = canonical_type(channel.type_name)
-    type_name = _RENAMED.get(type_name, type_name)
+    type_name = _ros2_type(channel.type_name)
     if channel.encoding == ROS1 and _is_in_both(type_name):
         channel = Channel(channel.topic, type_name, Encoding.CDR)
     if channel.encoding == Encoding.CDR and type_name == MULTI_ECHO_SCAN:
@@ -38,8 +39,7 @@ def convert(data: bytes, channel: Channel) -> bytes:
     """A message of `channel` as one of its converted channel; empty, which no decoder takes, if it is malformed."""
     if data.startswith((_ZSTD_MAGIC, _LZ4_MAGIC)):  # no message in CDR or JSON begins like that
         data = _decompressed(data)
-    type_name = canonical_type(channel.type_name)
-    type_name = _RENAMED.get(type_name, type_name)
+    type_name = _ros2_type(channel.type_name)
     try:
         if channel.encoding == ROS1 and _is_in_both(type_name):
             data = bytes(TYPESTORE.ros1_to_cdr(data, type_name))
@@ -48,6 +48,12 @@ def convert(data: bytes, channel: Channel) -> bytes:
     except _MALFORMED:
         return b""
     return data
+
+
+@lru_cache(maxsize=256)
+def _ros2_type(type_name: str) -> str:
+    canonical = canonical_type(type_name)
+    return _RENAMED.get(canonical, canonical)
 
 
 def _is_in_both(type_name: str) -> bool:

@@ -3,6 +3,10 @@
 import bz2
 import gzip
 import json
+import os
+import signal
+import threading
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -176,6 +180,16 @@ def test_log_times_of_another_age_are_told_and_not_waited_for(
     assert report["recording_s"] == pytest.approx(20.0, abs=1.0)
     assert report["wall_s"] < 15.0
     assert_same(tmp_path / "odd", tmp_path / "plain")
+
+
+def test_an_interrupt_ends_a_wait_at_once(minute: Simulated, tmp_path: Path) -> None:
+    path = write(tmp_path / "slow.mcap", [a for a in minute.arrivals if a.second < 5.0])
+    interrupt = threading.Timer(3.0, os.kill, (os.getpid(), signal.SIGINT))
+    begun = time.monotonic()
+    interrupt.start()
+    with pytest.raises(KeyboardInterrupt):
+        run(path, tmp_path / "out", rate=0.001)
+    assert time.monotonic() - begun < 6.0
 
 
 @pytest.mark.skipif(not AS_FOUND.is_dir(), reason="the real recordings are not beside the project (../shared/data)")

@@ -75,6 +75,13 @@ def test_damage_inside_a_chunk_costs_at_most_that_chunk(sound: Path, share: floa
     assert "used what is sound" in told
 
 
+@pytest.mark.parametrize("count", [4, 16])
+def test_damage_where_the_file_begins_costs_nothing(sound: Path, count: int) -> None:
+    records, told = damaged(sound, 0, count)
+    assert records == RECORDS
+    assert "at byte 0" in told
+
+
 def test_a_wrong_checksum_alone_costs_nothing(sound: Path) -> None:
     checksum_at = chunk_indexes(sound)[3].chunk_start_offset + 9 + 24
     records, told = damaged(sound, checksum_at, 4)
