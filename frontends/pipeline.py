@@ -42,7 +42,6 @@ from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 
 ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
-LATE_MESSAGES = 5  # times longer is waited for messages that came before: those of a busy network come later than /tf
 
 
 class Pipeline:
@@ -54,13 +53,12 @@ class Pipeline:
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
         self._clocks: dict[str, SensorClock] = {}
-        self._scans = ScanIntake(config.lidar, config.odometry.base_frame)
-        self._stand_ins = StandIns(config.lidar, self._scans, self._odometry)
+        self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
+        self._scans = ScanIntake(config.lidar, config.odometry.base_frame, self._lead_after_ns // 2)
+        self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
         self._trajectories = Trajectories()
-        self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
-        self._await_mount_ns = self._lead_after_ns // 2  # before the laser would lead: /tf_static is latched
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
         self._estimated = (0, 0)
@@ -130,8 +128,14 @@ class Pipeline:
         yield from self._use_odometry(Sensor.ODOM, accepted, m, published)
 
     def _use_odometry(
-        self, sensor: Sensor, accepted: Accepted, m: Odometry, published: PosePublished | None = None
+        self,
+        sensor: Sensor,
+        accepted: Accepted,
+        m: Odometry,
+        published: PosePublished | None = None,
+        newer_ns: int = 0,
     ) -> Iterator[Event]:
+        """Use a message of the wheels or a pose of /tf, of which one that is newer by `newer_ns` has come already."""
         if accepted.shift_ns:
             told = told_of(-accepted.shift_ns, self._odometry.time.offset_ns)
             yield Warned(accepted.stamp_ns, f"odometry: {told}")
@@ -140,8 +144,8 @@ class Pipeline:
             return
         self._scans.mounts.follow_odometry(m.child_frame_id)
         yield from self._forget_misplaced()
-        yield from self._scans.compare(accepted.stamp_ns, self._lead_after_ns)
-        yield from self._wifi.compare(accepted.stamp_ns)
+        yield from self._scans.compare(accepted.stamp_ns + newer_ns, self._lead_after_ns)
+        yield from self._wifi.compare(accepted.stamp_ns + newer_ns)
         yield from self._follow(accepted, published)
 
     def _follow(self, accepted: Accepted, published: PosePublished | None = None) -> Iterator[Event]:
@@ -166,10 +170,9 @@ class Pipeline:
         return published
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
-        if self._scans.awaits_mount(self._await_mount_ns):
-            return
         silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m
-        if silent and keyframe_due(self._slam.motion_to(point), self._config.odometry):
+        due = silent and keyframe_due(self._slam.motion_to(point), self._config.odometry)
+        if due and not self._scans.awaits_mount():
             yield from self._slam.add_keyframe(point, None)
 
     def _process_scan(self, m: Sweep) -> Iterator[Event]:
@@ -201,9 +204,11 @@ class Pipeline:
 
     def _lead_by_transforms(self, stamp_ns: int) -> Iterator[Event]:
         """Drive by the odometry in /tf in place of the messages that do not come."""
-        for m in self._stand_ins.transforms.take():
+        waiting = self._stand_ins.transforms.take()
+        for m in waiting:
             yield from self._stand_ins.begin_transforms(stamp_ns)
-            yield from self._use_odometry(Sensor.TF, self._odometry.follow_transform(m), m)
+            newer_ns = waiting[-1].stamp_ns - m.stamp_ns
+            yield from self._use_odometry(Sensor.TF, self._odometry.follow_transform(m), m, newer_ns=newer_ns)
 
     def _lead_by_laser(self, stamp_ns: int) -> Iterator[Event]:
         """Drive by scan matching from scan to scan in place of the odometry that does not come."""
@@ -226,12 +231,8 @@ class Pipeline:
         yield from self._scans.add_transforms(m)
         yield from self._forget_misplaced()
         yield from self._use_scans()
-        if isinstance(m, MovingTransforms):
-            self._stand_ins.transforms.add(m)
-            messages_led = self._path.latest is not None and not self._stand_ins.laser_leads
-            patience_ns = (LATE_MESSAGES if messages_led else 1) * self._lead_after_ns
-            if self._stand_ins.transforms_lead or self._stand_ins.transforms.waited_ns > patience_ns:
-                yield from self._lead_by_transforms(m.stamp_ns)
+        if isinstance(m, MovingTransforms) and self._stand_ins.add_transforms(m):
+            yield from self._lead_by_transforms(m.stamp_ns)
 
     def _forget_misplaced(self) -> Iterator[Event]:
         """Forget the scans that were placed with a wrong mount; a laser that leads begins anew."""
@@ -242,7 +243,7 @@ class Pipeline:
 
     def _use_scans(self, last: bool = False) -> Iterator[Event]:
         """Use the scans that the path covers; at the `last` even those that wait for their mount."""
-        if self._scans.awaits_mount(self._await_mount_ns) and not last:
+        if self._scans.awaits_mount() and not last:
             return
         for sweeps in self._scans.ready(self._path):
             if not isinstance(sweeps, SweepSet):

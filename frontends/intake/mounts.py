@@ -169,7 +169,7 @@ class Mounts:
         found = next((other for other, _ in self._ways(frame)), base) if self._configured is None else base
         if self._base and found != base:
             whose = f"{base!r}, whose pose the odometry gives,"
-            return f"no transform leads from {whose} to {frame!r}; {found!r} is taken for it (see odometry.base_frame)"
+            return f"no transform leads from {whose} to {frame!r}; {found!r} is taken for it (--set odometry.base_frame={found})"
         return ""
 
     def _is_new(self, text: str) -> bool:

@@ -36,8 +36,9 @@ class ScanIntake:
     Holds their sweeps in `queue`, and knows the `mounts`.
     """
 
-    def __init__(self, config: LidarConfig, base_frame: str = "") -> None:
+    def __init__(self, config: LidarConfig, base_frame: str = "", mount_wait_ns: int = SECOND_NS) -> None:
         self._config = config
+        self._mount_wait_ns = mount_wait_ns  # of sweeps: /tf_static is latched, and comes at once where it is sent
         self.mounts = Mounts(config, base_frame)
         self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
@@ -52,10 +53,12 @@ class ScanIntake:
         """Learn where sensors are mounted on the base; returns the drops of transforms that cannot be used."""
         return list(self.mounts.learn(transforms))
 
-    def awaits_mount(self, most_ns: int) -> bool:
-        """Whether the next sweep waits for its mount, which is not known: until sweeps have waited for `most_ns`."""
+    def awaits_mount(self) -> bool:
+        """Whether the next sweep waits for its mount, which is not known."""
         oldest = self.queue.oldest
-        return oldest is not None and self.mounts.awaits(oldest.frame_id) and self.queue.waited_ns <= most_ns
+        return (
+            oldest is not None and self.mounts.awaits(oldest.frame_id) and self.queue.waited_ns <= self._mount_wait_ns
+        )
 
     def receive(self, now_ns: int, sweep: Sweep) -> Generator[Event, None, list[Sweep]]:
         """Check a sweep as it was sent, at `now_ns` of the odometry; returns the whole sweeps that it completes."""

@@ -7,16 +7,19 @@ from wayfi.frontends.events import Event, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import Sweep
+from wayfi.frontends.measurements import MovingTransforms, Sweep
 from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
 from wayfi.frontends.odometry.transform_odometry import TransformOdometry
+
+LATE_MESSAGES = 5  # times longer is waited for messages that came before: those of a busy network come later than /tf
 
 
 class StandIns:
     """Begins and ends the leads of the laser and of /tf, whose poses wait in `transforms`; one leads at most."""
 
-    def __init__(self, config: LidarConfig, scans: ScanIntake, odometry: AcceptedOdometry) -> None:
+    def __init__(self, config: LidarConfig, scans: ScanIntake, odometry: AcceptedOdometry, lead_after_ns: int) -> None:
         self._config, self._scans, self._odometry = config, scans, odometry
+        self._lead_after_ns = lead_after_ns
         self.transforms = TransformOdometry()
         self.transforms_lead = False
         self._laser: LaserLead | None = None
@@ -34,6 +37,13 @@ class StandIns:
     def follow(self, stamp_ns: int, sweep: Sweep) -> bool:
         """Whether the laser that leads is the one that a sweep is from."""
         return self._laser is not None and self._laser.follows(stamp_ns, sweep)
+
+    def add_transforms(self, m: MovingTransforms) -> bool:
+        """Let the poses in /tf wait for messages of odometry; returns whether they lead now, or are to begin to."""
+        self.transforms.add(m)
+        messages_led = self._odometry.path.latest is not None and not self.lead
+        patience_ns = (LATE_MESSAGES if messages_led else 1) * self._lead_after_ns
+        return self.transforms_lead or self.transforms.waited_ns > patience_ns
 
     def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
         """Match the next sweep with the laser that leads; returns T_odom_base at `stamp_ns`, the sweep's."""

@@ -11,7 +11,7 @@ MILLIMETRE_M = 1e-3
 STEPS = 10  # in a row, of poses that differ: an odometry that begins anew leaps once
 LEAST_M_S, MOST_M_S = 20.0, 5000.0  # of each step; in millimetres a robot from 0.02 to 5 m/s has it
 LEAST_AHEAD = 0.5  # of their length that they lead away: two sources in turn lead to and fro
-TOLD = "odometry looks as if it were in millimetres ({:.0f} m/s): taken as such; set odometry.unit_m=0.001"
+TOLD = "odometry looks as if it were in millimetres ({:.0f} m/s): taken as such (--set odometry.unit_m=0.001)"
 
 
 class UnitWatch:
