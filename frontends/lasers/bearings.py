@@ -14,6 +14,7 @@ from wayfi.frontends.measurements import LaserScan
 
 TURN_RAD = 2 * math.pi
 SPARE_BEAMS, SPARE_SHARE = 3.0, 0.02  # that angle_max may be off: drivers count a beam too many, or lose some of a turn
+WHOLE_SHARE = 0.9  # of a turn, that counts as a whole one
 LARGEST_RAD = 1.05 * TURN_RAD  # of a bearing: a larger number is in degrees
 LARGEST_DEGREES = 1.05 * 360.0
 SMALLEST_VIEW_RAD = 0.02  # of all beams together: less covers nothing
@@ -26,7 +27,7 @@ LARGEST_THICKNESS = 0.02  # of a wall by the better increment, in variance: more
 ENOUGH_WALLS = 30  # a decision rests on; scans in rooms and halls were seen to have one to ten
 CLEAR_SHARE = 0.6  # of the walls that one increment makes straighter; in real and simulated scans 0.64 to 1
 MOST_SCANS = 40  # that the decision may take, 4 s at 10 Hz: then the walls do not tell
-SAME_STEP = 1e-3  # relative: steps that differ by their sign alone
+SAME_STEP = SPARE_SHARE  # relative: steps that differ by their sign alone
 DRIVER = "correct its driver"
 
 
@@ -98,8 +99,12 @@ def _is_possible(step: float, beams: int) -> bool:
 
 
 def _ends_at(start: float, step: float, beams: int, end: float) -> bool:
-    """Whether the last beam is at `end`, give or take some beams and whole turns."""
-    return abs(wrap(start + (beams - 1) * step - end)) <= _spare_rad(step, beams)
+    """Whether the last beam is at `end`, give or take some beams and whole turns.
+
+    The last beam of a whole turn is near `end` whichever way it goes: the sign of the step decides.
+    """
+    backwards = (end - start) * step < 0 and abs(step) * beams > WHOLE_SHARE * TURN_RAD
+    return not backwards and abs(wrap(start + (beams - 1) * step - end)) <= _spare_rad(step, beams)
 
 
 def _spare_rad(step: float, beams: int) -> float:

@@ -28,6 +28,11 @@ def test_numbers_that_agree_are_left_as_they_are(
     assert (found.start, found.step, found.fault) == (start, step, "")
 
 
+def test_a_part_of_a_turn_may_go_across_the_rear() -> None:
+    found = bearings_of(scan(math.radians(225), math.radians(1.0), math.radians(134), 270))
+    assert not found.fault
+
+
 @given(FLOATS, FLOATS, FLOATS, st.integers(0, 400))
 def test_any_numbers_give_bearings_of_a_turn_at_most_or_none_and_a_fault(
     start: float, step: float, end: float, beams: int
@@ -100,5 +105,5 @@ def test_walls_tell_which_of_two_steps_is_right(factor: float) -> None:
 
 
 def test_steps_that_mirror_each_other_make_the_same_walls_so_that_the_increment_is_believed() -> None:
-    check, mirrored = BearingsCheck(), scan(0.2, -0.01, 0.2 + 3.0, 301)
-    assert "angle_increment is believed" in check.check(mirrored)[1]
+    for mirrored in (scan(0.2, -0.01, 0.2 + 3.0, 301), scan(math.pi, math.radians(1.0), -math.pi)):
+        assert "angle_increment is believed" in BearingsCheck().check(mirrored)[1]
