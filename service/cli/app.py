@@ -9,6 +9,7 @@ from wayfi.service.cli.configuration import compile_all, show_config
 from wayfi.service.cli.daemon import run
 from wayfi.service.cli.recordings import demo, import_file, inspect, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
+from wayfi.service.process.compilation import ensure_cache
 
 app = typer.Typer(
     help="Streaming SLAM for robots indoors: wheels, WiFi and LiDAR into one map.",
@@ -25,4 +26,5 @@ app.command(name="warm-up")(compile_all)
 
 def main() -> None:
     """The entry point of `wayfi`."""
+    ensure_cache()
     app()

@@ -111,6 +111,8 @@ def read_relations(path: Path) -> Relations:
             poses.append((float(dx), float(dy), float(dtheta)))
         except ValueError as error:
             raise ScoringError(f"{path}, line {number}: not `t1 t2 dx dy dtheta` ({error})") from error
+    if not poses:
+        raise ScoringError(f"{path}: no relation in it; a line is `t1 t2 dx dy dtheta`")
     stamps_ns = np.array(stamps, np.int64).reshape(-1, 2)
     return Relations(stamps_ns[:, 0], stamps_ns[:, 1], np.array(poses).reshape(-1, 3))
 

@@ -1,9 +1,31 @@
-"""Tells when numba compiles instead of loading what it compiled before, so that it is not mistaken for a hang."""
+"""Where numba keeps what it compiles, and when it does so instead of loading it: not to be mistaken for a hang."""
 
+import atexit
+import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
+
+
+def ensure_cache() -> None:
+    """Let numba keep what it compiles as long as this process lasts, where it can keep it nowhere else.
+
+    Where neither the sources' folder nor the user's cache can be written, importing it would fail: call this before.
+    """
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    if "NUMBA_CACHE_DIR" in os.environ or any(map(_can_be_written, (Path(__file__).parent, Path(user)))):
+        return
+    folder = tempfile.TemporaryDirectory(prefix="wayfi-compiled-")
+    atexit.register(folder.cleanup)
+    os.environ["NUMBA_CACHE_DIR"] = folder.name
+
+
+def _can_be_written(folder: Path) -> bool:
+    there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
+    return os.access(there, os.W_OK | os.X_OK)
 
 
 @contextmanager

@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from command_line import obey_permissions
+from command_line import wayfi as wayfi_in_process
 from drives import RESULT_FILES, Simulated, cli, run, write
 
 import wayfi
@@ -117,13 +119,18 @@ def small_files(size: int) -> Callable[[], None]:
     return limit
 
 
-def limited(size: int, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
-    """`wayfi` that cannot write files larger than `size` bytes."""
+def started(before: Callable[[], None], *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    """`wayfi` in a process that calls `before` first."""
     command = [sys.executable, "-m", "wayfi.service.cli", *map(str, arguments)]
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        command, preexec_fn=small_files(size), capture_output=True, text=True, env=environment, timeout=90, check=False
+        command, preexec_fn=before, capture_output=True, text=True, env=environment, timeout=90, check=False
     )
+
+
+def limited(size: int, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    """`wayfi` that cannot write files larger than `size` bytes."""
+    return started(small_files(size), *arguments)
 
 
 def assert_one_line(done: "subprocess.CompletedProcess[str]", named: str) -> None:
@@ -135,7 +142,6 @@ def assert_one_line(done: "subprocess.CompletedProcess[str]", named: str) -> Non
     ("size", "option", "named"),
     [
         (9_000, "--no-rrd", "partial/trajectory.tum: File too large"),
-        (90_000, "--quiet", "session.rrd"),
         (250_000, "--quiet", "session.rrd"),
     ],
 )
@@ -154,6 +160,38 @@ def test_commands_that_cannot_write_say_which_file(recording: Path, truth: Path,
     assert_one_line(limited(90_000, "demo", "--out", tmp_path / "b", *simulated), "recording.mcap")
     run(recording, tmp_path / "out", *SETTINGS)
     assert_one_line(limited(900, "evaluate", tmp_path / "out", "--truth", truth, "--quiet"), "evaluation.json")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["simulate", "office", "--minutes", "0.2", "--out", "READ_ONLY/a"],
+        ["demo", "--minutes", "0.5", "--out", "READ_ONLY/a"],
+        ["replay", "RECORDING", "--out", "READ_ONLY", "--no-rrd"],
+        ["evaluate", "READ_ONLY", "--truth", "TRUTH"],
+        ["record", "--out", "READ_ONLY/a.mcap"],
+    ],
+    ids=" ".join,
+)
+def test_a_folder_that_may_not_be_written_is_told_in_one_line(
+    arguments: list[str], recording: Path, truth: Path, read_only: Path
+) -> None:
+    places = {"RECORDING": recording, "TRUTH": truth, "READ_ONLY": read_only}
+    for name, place in places.items():
+        arguments = [word.replace(name, str(place)) for word in arguments]
+    before = contents(read_only)
+    assert_one_line(started(obey_permissions, *arguments, "--quiet"), "Permission denied")
+    assert contents(read_only) == before
+
+
+@pytest.fixture(scope="module")
+def read_only(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with results that may not be written."""
+    out = tmp_path_factory.mktemp("read_only") / "out"
+    run(recording, out, *SETTINGS)
+    out.chmod(0o555)
+    yield out
+    out.chmod(0o755)
 
 
 @pytest.mark.parametrize(
@@ -189,8 +227,9 @@ def test_an_odd_place_is_told_in_one_line(arguments: list[str], recording: Path,
     for name, place in places.items():
         arguments = [word.replace(name, str(place)) for word in arguments]
     before = recording.read_bytes()
-    done = cli(*arguments, "--quiet")
-    assert_one_line(done, "wayfi: ")
+    done = wayfi_in_process(*arguments, "--quiet")
+    assert isinstance(done.exception, SystemExit)
+    assert (done.exit_code, len(done.stderr.splitlines())) == (1, 1), done.stderr
     assert (tmp_path / "file").read_text() == "mine"
     assert recording.read_bytes() == before
 

@@ -1,6 +1,5 @@
 """Nobody takes compiling for a hang: whoever waits is told, once, unless it wants to hear nothing."""
 
-import ctypes
 import json
 import os
 import shutil
@@ -10,12 +9,11 @@ from pathlib import Path
 
 import numba
 import pytest
+from command_line import obey_permissions
 from places import ROOT
 
-from wayfi.service.process.compilation import watch_compilation
+from wayfi.service.process.compilation import ensure_cache, watch_compilation
 from wayfi.service.process.console import Output
-
-PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 
 
 def made_up(module: str) -> "numba.core.dispatcher.Dispatcher":
@@ -93,7 +91,7 @@ def _fit_line(site: Path, home: Path) -> tuple[str, int, int]:
         [sys.executable, "-c", code],
         cwd="/",
         env=kept | {"PYTHONPATH": str(site.parent), "HOME": str(home)},
-        preexec_fn=_obey_permissions,
+        preexec_fn=obey_permissions,
         capture_output=True,
         text=True,
         check=True,
@@ -103,6 +101,15 @@ def _fit_line(site: Path, home: Path) -> tuple[str, int, int]:
     return cache, hits, misses
 
 
-def _obey_permissions() -> None:
-    """Root may write what nobody may; without this capability it may not."""
-    ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
+@pytest.mark.parametrize(("sources", "home"), [(False, False), (False, True), (True, False)])
+def test_where_code_can_be_kept_nowhere_a_process_keeps_its_own(
+    sources: bool, home: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "none" / "yet"))
+    monkeypatch.setattr(os, "access", lambda path, _: home if Path(path) == tmp_path else sources)
+    ensure_cache()
+    if sources or home:
+        assert "NUMBA_CACHE_DIR" not in os.environ
+    else:
+        assert Path(os.environ["NUMBA_CACHE_DIR"]).is_dir()
