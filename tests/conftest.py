@@ -32,6 +32,12 @@ def minute() -> Simulated:
 
 
 @pytest.fixture(scope="session")
+def half_minute() -> Simulated:
+    """A little more than half a minute in the car park, for what needs many drives."""
+    return simulated(World.CARPARK, 0.6, seed=3)
+
+
+@pytest.fixture(scope="session")
 def longer() -> Simulated:
     """A minute and a half in the car park."""
     return simulated(World.CARPARK, 1.5, seed=4)

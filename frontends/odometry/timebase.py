@@ -101,8 +101,9 @@ class TimeBase:
         return len(stream.ahead) < self._lasting_messages
 
     def _jumped_back(self, stream: _Stream, stamp_ns: int) -> Stamped:
-        rising = not stream.back or 0 < stamp_ns - stream.back[-1] < self._leap_ns
-        if stream.newest_ns - stamp_ns <= self._lasting_jump_ns or not rising:
+        begins = not stream.back and stream.newest_ns - stamp_ns > self._lasting_jump_ns
+        goes_on = stream.back and 0 < stamp_ns - stream.back[-1] < self._leap_ns
+        if not (begins or goes_on):
             stream.back.clear()
             return Stamped(stamp_ns, DropReason.STAMP_BACK)
         stream.back.append(stamp_ns)

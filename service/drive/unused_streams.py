@@ -11,6 +11,7 @@ BLOCK = 50  # messages of a topic that are judged together: 1 to 5 s of a laser 
 UNUSED_SHARE = 0.9  # of a block; faults that come and go leave more of it
 
 OF_READINGS = frozenset({DropReason.MALFORMED_BSSID, DropReason.ABSURD_RSSI})  # a scan has many
+OLD_READING = (Sensor.WIFI, DropReason.TOO_LATE)  # the rest of its scan is used
 # Other reasons are told where they are found: by the codec, of the receiver, of the laser, or of the frame.
 REMEDIES = {
     DropReason.NON_FINITE: "their numbers are NaN or infinite; look at what the driver computes",
@@ -64,7 +65,8 @@ class UnusedStreams:
         self._told |= {e.complaint.rpartition(".")[2] for e in events if isinstance(e, Warned)}
         dropped = [event for event in events if isinstance(event, Dropped)]
         for event in dropped:
-            self._count(event, messages)
+            if (event.sensor, event.reason) != OLD_READING:
+                self._count(event, messages)
         if not dropped and not any(stream.complaint for stream in self._streams.values()):
             return []
         return [told for topic in self._streams for told in self._judge_block(topic, messages[topic], now_ns)]

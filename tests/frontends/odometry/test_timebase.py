@@ -1,5 +1,6 @@
 """Stamps stay monotone, whatever the clock does, and what is dropped has its reason."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -72,6 +73,15 @@ def test_four_stamps_behind_are_dropped_and_the_fifth_comes_too_late_to_shift() 
     for k in range(LASTING_MESSAGES - 1):
         assert time.accept(START - 10 * S + k).dropped is DropReason.STAMP_BACK
     assert time.offset_ns == 0
+
+
+@pytest.mark.parametrize("interval_ms", [20, 50, 100])
+def test_a_lasting_jump_of_little_more_than_a_second_is_one(interval_ms: int) -> None:
+    time = TimeBase(CONFIG)
+    before = [START + k * interval_ms * MS for k in range(20)]
+    after = [stamp + (20 * interval_ms - 1200) * MS for stamp in before]
+    assert accepted(time, before + after)[-1] == START + 39 * interval_ms * MS
+    assert time.offset_ns == 1200 * MS
 
 
 def test_a_lasting_jump_of_less_than_a_second_is_waited_out() -> None:

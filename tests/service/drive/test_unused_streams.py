@@ -94,6 +94,12 @@ def test_scans_without_a_usable_reading_are_told_by_what_is_wrong_with_their_rea
     assert text == f"/wifi: 9 of its 9 messages are not used: {REMEDIES[DropReason.ABSURD_RSSI]}"
 
 
+def test_readings_that_are_too_old_leave_their_scans() -> None:
+    drive = Drive()
+    drive.add(2 * BLOCK, *[DropReason.TOO_LATE] * 10, sensor=Sensor.WIFI)
+    assert drive.finish() == []
+
+
 def test_what_a_receiver_is_complained_of_is_not_told_again() -> None:
     drive = Drive()
     warned = Warned(0, "its RSSI is in per cent", f"phone.b.{DropReason.ABSURD_RSSI}")
