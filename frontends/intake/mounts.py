@@ -168,8 +168,8 @@ class Mounts:
             return f"no transform leads from {base!r} to {frame!r}: {known}; base_link is assumed (see lidar.mount)"
         found = next((other for other, _ in self._ways(frame)), base) if self._configured is None else base
         if self._base and found != base:
-            whose = f"{base!r}, whose pose the odometry gives,"
-            return f"no transform leads from {whose} to {frame!r}; {found!r} is taken for it (--set odometry.base_frame={found})"
+            broken = f"no transform leads from {base!r}, whose pose the odometry gives, to {frame!r}"
+            return f"{broken}; {found!r} is taken for it (--set odometry.base_frame={found})"
         return ""
 
     def _is_new(self, text: str) -> bool:

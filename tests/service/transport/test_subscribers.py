@@ -144,11 +144,11 @@ def test_static_transforms_put_before_are_requested_and_received_once(key: str) 
 
 @pytest.mark.parametrize("key", ["tf", f"0/tf/{TF_TYPE}/{HASH}"])
 def test_transforms_are_received_but_for_the_sessions_own(key: str) -> None:
-    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"])
-    inbox = MessageQueue[Received](limits_of(config))
+    config, topics = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"]), RecordingConfig().every_topic
+    inbox = MessageQueue[Received](limits_of(config, topics))
     with (
         open_session(config) as session,
-        Subscribers(session, config, RecordingConfig().topics, inbox),
+        Subscribers(session, config, topics, inbox),
         open_guest_session(config) as peer,
     ):
         session.put(key, mount("own"))
