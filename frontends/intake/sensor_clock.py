@@ -15,14 +15,15 @@ from wayfi.frontends.odometry.odometry_config import ClockConfig
 from wayfi.frontends.odometry.timebase import Stamped, TimeBase, told_of
 
 ALIKE_NS = SECOND_NS // 2  # lags this near to each other are of one offset: in congestion that clears they differ more
+LONGEST_DOUBT_NS = 10 * SECOND_NS  # without odometry: lags say nothing as long as that pauses
 MOST_AHEAD_NS = SECOND_NS // 2  # of the odometry, by the latency of its driver; further ahead is another clock
 
 
 class SensorClock:
     """Accepts the stamps of one sensor in the order they come, and gives them on the time base of the odometry.
 
-    After a step `lasting_messages` in a row have to agree on the new offset; those before the last are dropped. Where
-    the stamps do not move, each message is stamped as the newest odometry.
+    After a step `lasting_messages` in a row, each after other odometry, have to agree on the new offset; those before
+    the last are dropped. Where the stamps do not move, each message is stamped as the newest odometry.
     """
 
     def __init__(self, config: ClockConfig, odometry: TimeBase) -> None:
@@ -39,7 +40,8 @@ class SensorClock:
         self._to_follow = (0, 0)  # a change of the odometry's offset, and for how many messages it may be this one's
         self._odometry_jumped = False
         self._undo_ns = 0  # the offset that would undo a jump of the sensor's own stamps; 0: they have not jumped
-        self._off: list[tuple[int, int | None]] = []  # of the messages in doubt: how far off the lag is, and `_now_ns`
+        self._off: list[int] = []  # how far off the lag is, of the messages in doubt that came after odometry
+        self._doubted_ns = 0  # the stamp of the last of them
 
     def accept(self, stamp_ns: int, content: Callable[[], bytes]) -> Stamped:
         """The next message's stamp on the time base, or why it is dropped.
@@ -86,17 +88,20 @@ class SensorClock:
         on_base_ns = stamp_ns + self._own.offset_ns
         off_ns = self._off_ns(on_base_ns)
         self._note_jump(on_base_ns)
-        if self._off and abs(off_ns - self._off[0][0]) > ALIKE_NS:
+        if self._off and not fresh and on_base_ns - self._doubted_ns <= LONGEST_DOUBT_NS:
+            return Stamped(on_base_ns, self._doubt())
+        if self._off and not (fresh and self._is_alike(off_ns)):
             self._off.clear()
         if not self._off and not (fresh and self._lags and self._may_be_step(on_base_ns, off_ns)):
             return None
-        self._off.append((off_ns, self._now_ns))
-        if len(self._off) < self._lasting:
-            return Stamped(on_base_ns, self._doubt())
-        if self._now_ns == self._off[0][1]:  # no odometry has come: it pauses, and lags say nothing
-            self._believe()
-            return None
-        return self._step(on_base_ns)
+        self._off.append(off_ns)
+        self._doubted_ns = on_base_ns
+        return self._step(on_base_ns) if len(self._off) == self._lasting else Stamped(on_base_ns, self._doubt())
+
+    def _is_alike(self, off_ns: int) -> bool:
+        """Whether a lag is off by as much as the first in doubt, but for how often odometry and sensor come."""
+        first_ns = self._off[0]
+        return abs(off_ns - first_ns) <= min(max(ALIKE_NS, self._own.interval_ns), abs(first_ns) // 2)
 
     def _note_jump(self, on_base_ns: int) -> None:
         if self._own.newest_ns is not None and not self._undo_ns:
@@ -114,7 +119,8 @@ class SensorClock:
         assert self._now_ns is not None
         ahead = off_ns < 0 and on_base_ns - self._now_ns > MOST_AHEAD_NS
         jumped = (self._undo_ns < 0 and ahead) or (self._undo_ns > 0 and off_ns > 0)
-        if abs(off_ns) > self._jump_ns and (self._odometry_jumped or jumped):
+        by_chance_ns = min(self._own.interval_ns, self._odometry.interval_ns)  # by which lags differ from each other
+        if abs(off_ns) > self._jump_ns + by_chance_ns and (self._odometry_jumped or jumped):
             return True
         self._believe()
         return False
@@ -125,11 +131,11 @@ class SensorClock:
         self._odometry_jumped, self._undo_ns = False, 0
 
     def _step(self, on_base_ns: int) -> Stamped:
-        shift_ns = _median(off_ns for off_ns, _ in self._off)
-        if self._undo_ns and self._agree(self._undo_ns, shift_ns):
-            shift_ns = self._undo_ns
-        self._own.shift(shift_ns, on_base_ns + shift_ns)
+        shift_ns = _median(self._off)
         own = self._undo_ns and not self._odometry_jumped
+        if self._undo_ns and self._agree(self._undo_ns, shift_ns):
+            own, shift_ns = True, self._undo_ns
+        self._own.shift(shift_ns, on_base_ns + shift_ns)
         told = told_of(-shift_ns, self._own.offset_ns) if own else _told_followed(shift_ns)
         self._believe()
         return Stamped(on_base_ns + shift_ns, shift_ns=shift_ns, told=told)

@@ -37,6 +37,7 @@ class Drive:
     seconds: int = 60
     scan_ns: int = SCAN_NS
     latency_ns: int = 30 * MS
+    odometry_ns: int = ODOMETRY_NS
     pauses: tuple[tuple[str, float, float], ...] = ()  # a sensor, and from when to when it is silent, s
     base: TimeBase = field(default_factory=lambda: TimeBase(CONFIG))
     scans: list[tuple[int, Stamped]] = field(default_factory=list)  # each with the true time of it
@@ -51,7 +52,7 @@ class Drive:
         return self
 
     def _sent(self, sensor: str) -> Iterator[tuple[int, str, int]]:
-        step_ns, latency_ns = (ODOMETRY_NS, MS) if sensor == "odometry" else (self.scan_ns, self.latency_ns)
+        step_ns, latency_ns = (self.odometry_ns, MS) if sensor == "odometry" else (self.scan_ns, self.latency_ns)
         for true_ns in range(0, self.seconds * S, step_ns):
             if not any(name == sensor and a * S <= true_ns < b * S for name, a, b in self.pauses):
                 yield true_ns + latency_ns, sensor, true_ns
@@ -82,11 +83,30 @@ def test_a_laser_whose_clock_is_set_is_followed(step_s: float, latency_ns: int, 
     drive = Drive(laser=set_by(step_s), scan_ns=scan_ns, latency_ns=latency_ns).run()
     late = [error for error in drive.errors_ns() if error > ODOMETRY_NS]
     assert len(late) <= (step_s > 0) * ODOMETRY_NS // scan_ns  # before the next odometry a leap ahead may be a pause
-    assert len(drive.reasons()) + len(late) <= DROPPED + 2
+    assert len(drive.reasons()) + len(late) <= DROPPED * max(1, ODOMETRY_NS // scan_ns) + 2
     (told,) = drive.told()
     where = "back" if step_s < 0 else "forward"
     assert told.startswith(f"its clock was set {where} by {abs(step_s):.0f}"[:-1])
     assert drive.base.offset_ns == 0
+
+
+@pytest.mark.parametrize("step_s", [-5.0, 9.0])
+def test_odometry_that_comes_seldom_tells_a_step_as_well(step_s: float) -> None:
+    drive = Drive(laser=set_by(step_s), scan_ns=1000 * MS, odometry_ns=3300 * MS, seconds=120).run()
+    assert max(drive.errors_ns()[25:]) == 0
+    assert len(drive.told()) == 1
+    assert len(drive.reasons()) <= CONFIG.lasting_messages * 3300 // 1000 + 1
+
+
+@pytest.mark.parametrize("odometry_ns", [1500 * MS, 2980 * MS, 3020 * MS, 4000 * MS])
+def test_lags_that_wander_are_no_steps(odometry_ns: int) -> None:
+    drive = Drive(scan_ns=3000 * MS, odometry_ns=odometry_ns, seconds=1000).run()
+    assert (max(drive.errors_ns()), drive.reasons(), drive.told()) == (0, [], [])
+
+
+def test_odometry_that_dies_after_a_step_costs_ten_seconds() -> None:
+    drive = Drive(laser=set_by(5.0), pauses=(("odometry", 20.3, 60.0),)).run()
+    assert len(drive.reasons()) <= 10 * S // SCAN_NS + CONFIG.lasting_messages
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -5.0, -1.5])
