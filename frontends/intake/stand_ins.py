@@ -13,6 +13,9 @@ from wayfi.frontends.odometry.transform_odometry import TransformOdometry
 
 LATE_MESSAGES = 5  # times longer is waited for messages that came before: those of a busy network come later than /tf
 
+TRANSFORMS_LEAD = "no odometry messages: it is taken from /tf"
+WHEELS_LEAD = "odometry has come: the wheels lead from here on"
+
 
 class StandIns:
     """Begins and ends the leads of the laser and of /tf, whose poses wait in `transforms`; one leads at most."""
@@ -70,10 +73,10 @@ class StandIns:
             return
         self._laser, self.transforms_lead = None, True
         self._odometry.begin_stand_in()
-        yield Warned(stamp_ns, f"no odometry messages: it is taken from /tf ({self.transforms.named})")
+        yield Warned(stamp_ns, f"{TRANSFORMS_LEAD} ({self.transforms.named})")
 
     def end(self, stamp_ns: int) -> Iterator[Event]:
         """Odometry has come, which ended the lead."""
         other = "/tf" if self.transforms_lead else "the laser"
         self._laser, self.transforms_lead = None, False
-        yield Warned(stamp_ns, f"odometry has come: the wheels lead from here on, not {other}")
+        yield Warned(stamp_ns, f"{WHEELS_LEAD}, not {other}")

@@ -11,6 +11,7 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.inspection import Inspection, TopicInspection, inspect_recording
+from wayfi.recordings.ros.messages import sensor_of_type
 from wayfi.service.config import Config
 from wayfi.service.replay.found_topics import with_found_topics
 from wayfi.service.replay.trial import Trial, suggested_topics, try_out, with_topics
@@ -73,9 +74,11 @@ def _frames(topic: TopicInspection) -> list[str]:
 
 def _why_not(inspection: Inspection, trial: Trial) -> str:
     """Why a replay gives no trajectory, in one line."""
-    motion = [topic for sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS) for topic in inspection.of(sensor)]
+    motion = [topic for sensor in _MOTION for topic in inspection.of(sensor)]
     if not motion:
-        return "it has neither odometry nor scans that can be read"
+        others = [topic for topic in inspection.topics if _is_meant_for_motion(topic)]
+        reasons = [f"{topic.topic}: {next(iter(topic.reasons or ()), topic.why)}" for topic in others]
+        return "; ".join(["it has neither odometry nor scans that can be read", *reasons])
     told = [warning for topic in motion for warning in trial.warnings if topic.topic in warning]
     lost = [
         f"{topic.topic}: {', '.join(f'{n} {reason}' for reason, n in trial.dropped.get(topic.topic, {}).items())}"
@@ -85,11 +88,14 @@ def _why_not(inspection: Inspection, trial: Trial) -> str:
     return "; ".join(told or lost or ["no pose comes of it"])
 
 
+def _is_meant_for_motion(topic: TopicInspection) -> bool:
+    return topic.sensor in _MOTION or sensor_of_type(topic.type_name) in _MOTION
+
+
 def _verdict(inspection: Inspection, trial: Trial) -> str:
     found = {sensor: [_described(t) for t in inspection.of(sensor) if _is_used(t, trial)] for sensor in _SENSED}
-    parts = [text for sensor in _SENSED for text in found[sensor]]
-    if not found[Sensor.ODOM] and inspection.of(Sensor.TF) and not any(found.values()):
-        parts.append("odometry from /tf")
+    parts = ["odometry from /tf"] if trial.led_by_transforms else []
+    parts += [text for sensor in _SENSED for text in found[sensor]]
     unused = [
         f" Of {topic.topic} nothing is used: see the warnings."
         for sensor in _SENSED
@@ -97,10 +103,12 @@ def _verdict(inspection: Inspection, trial: Trial) -> str:
         if not _is_used(topic, trial)
     ]
     has_laser = bool(found[Sensor.SCAN] or found[Sensor.POINTS])
-    expected = _EXPECTED[bool(found[Sensor.ODOM]), has_laser, bool(found[Sensor.WIFI])]
+    has_wheels = trial.led_by_transforms or bool(found[Sensor.ODOM])
+    expected = _EXPECTED[has_wheels, has_laser, bool(found[Sensor.WIFI])]
     return f"This recording can be replayed: {', '.join(parts)}. Expect {expected}.{''.join(unused)}"
 
 
+_MOTION = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS)
 _SENSED = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS, Sensor.WIFI)
 _EXPECTED = {
     (True, True, True): "a map; places are recognised again by WiFi and laser",
@@ -109,8 +117,8 @@ _EXPECTED = {
     (True, False, False): "the path of the odometry with its drift, and no map of walls",
     (False, True, True): "a map led by the laser, with WiFi; long bare corridors may come out short",
     (False, True, False): "a map led by the laser; long bare corridors may come out short",
-    (False, False, True): "the path of the transforms, which WiFi corrects, and no map of walls",
-    (False, False, False): "the path of the transforms with its drift, and no map of walls",
+    (False, False, True): "little: nothing says how the robot moves",
+    (False, False, False): "little: nothing says how the robot moves",
 }
 
 

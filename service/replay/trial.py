@@ -7,6 +7,7 @@ from typing import Any
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import DropReason
+from wayfi.frontends.intake.stand_ins import TRANSFORMS_LEAD, WHEELS_LEAD
 from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.log import NullLog
@@ -34,6 +35,12 @@ class Trial:
     warnings: tuple[str, ...]
     messages: dict[str, int]
     dropped: dict[str, dict[str, int]]
+
+    @property
+    def led_by_transforms(self) -> bool:
+        """Whether the odometry was taken from /tf, and no message of its own came."""
+        began, ended = (any(text.startswith(said) for text in self.warnings) for said in (TRANSFORMS_LEAD, WHEELS_LEAD))
+        return began and not ended
 
     def used(self, topic: str) -> float:
         """The share of a topic's messages that was used, 0 to 1."""

@@ -236,6 +236,23 @@ def _flat(a: Arrival) -> Arrival:
     return renamed(a, points=(cloud.points * [1.0, 1.0, 0.0] - [0.0, 0.0, 3.0]).astype(np.float32))
 
 
+def test_odometry_on_tf_alone_is_told_as_such(some: list[Arrival], tmp_path: Path) -> None:
+    on_tf = changed(some, Odometry, lambda a: replace(a, measurement=as_transforms(a.measurement)))
+    found = diagnosed(write(tmp_path / "a.mcap", on_tf))
+    assert "can be replayed: odometry from /tf, a laser of" in found.verdict
+    assert "led by the laser" not in found.verdict
+
+
+def test_odometry_in_an_unknown_encoding_is_refused_with_the_reason(some: list[Arrival], tmp_path: Path) -> None:
+    with McapWriter(tmp_path / "a.mcap") as writer:
+        writer.write("/odom", ODOMETRY, "protobuf", some[0].at_ns, b"pose")
+        writer.write("/scan", LASER_SCAN, "cdr", some[0].at_ns, b"\0\1\0\0scan")
+    found = diagnosed(tmp_path / "a.mcap")
+    assert not found.usable
+    assert "/odom: unknown encoding protobuf" in found.verdict
+    assert "/scan: " in found.verdict
+
+
 @pytest.mark.parametrize("names", [("/robot1/scan",), ("/front", "/rear")])
 def test_topics_that_are_found_or_chosen_are_shown(names: tuple[str, ...], some: list[Arrival], tmp_path: Path) -> None:
     path = on_topics(write(tmp_path / "a.mcap", some), tmp_path / "b.mcap", {"/scan": names[0]})
