@@ -99,8 +99,8 @@ FAULTS = {
             *laser_complaint(LATE),
             "/scan: 50 of its 50 messages are not used: their stamps are -34.9 s from the odometry's newest, "
             "which is too old; send them sooner, or synchronise the clocks",
-            *laser_complaint(LATE, ends=True)[1:],
             "/scan: its messages are used again",
+            *laser_complaint(LATE, ends=True)[1:],
         ),
     ),
     "WiFi half a minute late": Fault(
