@@ -37,6 +37,8 @@ def import_recording(path: Path, out: Path, progress: Callable[[float], None] = 
         raise ImportFailedError(f"{path} is the black box of a daemon; replay its folder as it is")
     if out.is_dir() or not out.parent.is_dir():
         raise ImportFailedError(f"{out}: cannot be written: {'it is a' if out.is_dir() else 'there is no such'} folder")
+    if out.resolve() in {part.resolve() for part in recording.paths}:
+        raise ImportFailedError(f"{out}: is the recording itself; name another file")
     temporary = out.with_name(f".{out.name}.part")
     try:
         messages, left_out = _write_all(recording, temporary, progress)

@@ -204,6 +204,7 @@ def read_only(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Iter
         ["record", "--out", "FILE/recording.mcap"],
         ["record", "--out", "/proc/recording.mcap"],
         ["replay", "RECORDING", "--out", "RECORDING"],
+        ["import", "RECORDING", "--out", "RECORDING"],
         ["replay", "RECORDING", "--out", "/proc/nowhere"],
         ["replay", "FOLDER", "--out", "FOLDER/out"],
         ["inspect", "FOLDER"],
