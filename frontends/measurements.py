@@ -94,7 +94,7 @@ class WifiScan:
 
 
 @dataclass(frozen=True, slots=True)
-class StaticTransform:
+class Transform:
     """Pose of `child_frame_id` in `frame_id`: translation x, y, z (m) and rotation as a quaternion x, y, z, w."""
 
     frame_id: str
@@ -108,7 +108,7 @@ class StaticTransforms:
     """The transforms of one /tf_static message."""
 
     stamp_ns: int
-    transforms: tuple[StaticTransform, ...]
+    transforms: tuple[Transform, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class MovingTransforms:
     """The transforms of one /tf message, each with its stamp in `stamps_ns`; those that never change are fixed."""
 
     stamp_ns: int
-    transforms: tuple[StaticTransform, ...]
+    transforms: tuple[Transform, ...]
     stamps_ns: tuple[int, ...]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from wayfi.frontends.frames.pose3 import Pose3
-from wayfi.frontends.measurements import StaticTransform
+from wayfi.frontends.measurements import Transform
 
 MOST_FRAMES = 1000  # to bound memory: humanoids have some hundred
 MOST_CHANGES = 3  # of one transform that was said to be fixed: calibrated anew while the robot runs
@@ -59,7 +59,7 @@ class FrameTree:
     def __init__(self) -> None:
         self.version = 0
         self._joints: dict[str, dict[str, _Joint]] = {}
-        self._given: dict[Pair, StaticTransform] = {}
+        self._given: dict[Pair, Transform] = {}
         self._changes: dict[Pair, int] = {}
         self._moving: set[Pair] = set()
 
@@ -76,7 +76,7 @@ class FrameTree:
         """Parent and child of each transform that is used, as it was given."""
         return list(self._given)
 
-    def add(self, t: StaticTransform, declared: bool = True) -> Added:
+    def add(self, t: Transform, declared: bool = True) -> Added:
         """Add a transform: one `declared` to be fixed, or one of /tf, which is as long as it never changes."""
         pair = frame_name(t.frame_id), frame_name(t.child_frame_id)
         known = self._joints.get(pair[0], {}).get(pair[1])
@@ -107,7 +107,7 @@ class FrameTree:
                     waiting.append(following)
         return reached.get(child)
 
-    def _add_declared(self, pair: Pair, t: StaticTransform, T: Pose3, known: _Joint | None) -> Added:
+    def _add_declared(self, pair: Pair, t: Transform, T: Pose3, known: _Joint | None) -> Added:
         if known and known.declared:
             return self._replace(pair, t, T, known)
         way = self._way(*pair, declared=True) if pair[0] in self and pair[1] in self else None
@@ -117,7 +117,7 @@ class FrameTree:
             self._part(pair)
         return self._join(pair, t, _Joint(T, declared=True))
 
-    def _add_observed(self, pair: Pair, t: StaticTransform, T: Pose3, known: _Joint | None) -> Added:
+    def _add_observed(self, pair: Pair, t: Transform, T: Pose3, known: _Joint | None) -> Added:
         if known is None:
             return self._join(pair, t, _Joint(T, declared=False))
         if known.declared or not T.differs(known.T, STILL_M, STILL_RAD):
@@ -126,7 +126,7 @@ class FrameTree:
         self._moving.add(pair)
         return Added.MOVES
 
-    def _replace(self, pair: Pair, t: StaticTransform, T: Pose3, known: _Joint) -> Added:
+    def _replace(self, pair: Pair, t: Transform, T: Pose3, known: _Joint) -> Added:
         """Put a declared transform in the place of one, if it differs."""
         if not T.differs(known.T, STILL_M, STILL_RAD):
             return Added.KNOWN
@@ -138,7 +138,7 @@ class FrameTree:
         self._changes[pair] = changes
         return Added.CHANGED
 
-    def _join(self, pair: Pair, t: StaticTransform, joint: _Joint) -> Added:
+    def _join(self, pair: Pair, t: Transform, joint: _Joint) -> Added:
         if len(self._given) + len(self._moving) >= MOST_FRAMES:
             return Added.TOO_MANY
         parent, child = pair
@@ -158,7 +158,7 @@ class FrameTree:
         self.version += 1
 
 
-def _fault_of(pair: Pair, t: StaticTransform) -> Added | None:
+def _fault_of(pair: Pair, t: Transform) -> Added | None:
     """Why a transform cannot be used; None if it can."""
     away_m, norm = math.hypot(*t.translation_xyz), math.hypot(*t.rotation_xyzw)
     if not (math.isfinite(away_m) and math.isfinite(norm)):

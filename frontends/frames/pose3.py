@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.measurements import StaticTransform
+from wayfi.frontends.measurements import Transform
 
 SMALLEST_SQUARED_NORM = 1e-12  # of a quaternion: a smaller one was left zero
 
@@ -20,7 +20,7 @@ class Pose3:
     translation: Floats
 
     @classmethod
-    def of(cls, transform: StaticTransform) -> Self:
+    def of(cls, transform: Transform) -> Self:
         """The pose of a transform. Its quaternion may have any length above zero."""
         x, y, z, w = np.array(transform.rotation_xyzw) / np.linalg.norm(transform.rotation_xyzw)
         rotation = np.array(

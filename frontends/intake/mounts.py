@@ -16,9 +16,9 @@ from wayfi.frontends.measurements import (
     MovingTransforms,
     PointCloud,
     Sensor,
-    StaticTransform,
     StaticTransforms,
     Sweep,
+    Transform,
 )
 
 BASES = ("base_link", "base_footprint", "base")  # REP 105's and REP 120's names, and what some robots have instead
@@ -79,7 +79,7 @@ class Mounts:
             if self._is_new(text):
                 yield Warned(m.stamp_ns, text)
 
-    def add(self, t: StaticTransform, declared: bool = True) -> DropReason | None:
+    def add(self, t: Transform, declared: bool = True) -> DropReason | None:
         """Learn a transform that was `declared` to be fixed, or one of /tf; returns why it is dropped, if it is."""
         added = self.tree.add(t, declared)
         if added is Added.ABSURD and not declared:

@@ -20,8 +20,8 @@ from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
     Odometry,
-    StaticTransform,
     StaticTransforms,
+    Transform,
 )
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.ros.codec import encode
@@ -282,6 +282,6 @@ def _record(channel: Channel, line: Line, measurement: Measurement) -> Record:
     return Record(*channel, line.log_time_ns, encode(measurement))
 
 
-def _transform(frame_id: str, place: Pose2) -> StaticTransform:
+def _transform(frame_id: str, place: Pose2) -> Transform:
     half = place.theta / 2
-    return StaticTransform("base_link", frame_id, (place.x, place.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+    return Transform("base_link", frame_id, (place.x, place.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))

@@ -16,8 +16,8 @@ from wayfi.frontends.measurements import (
     Odometry,
     PointCloud,
     Sensor,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.frontends.wifi.readings import bssid_of
@@ -144,14 +144,14 @@ def _read_static_transforms(message: Message) -> StaticTransforms:
 def _read_moving_transforms(message: Message) -> MovingTransforms:
     check_count("transforms", len(message.transforms), MAX_TRANSFORMS)
     stamps = tuple(map(_header_stamp_ns, message.transforms))
-    transforms = tuple(map(_read_static_transform, message.transforms))
+    transforms = tuple(map(_read_transform, message.transforms))
     return MovingTransforms(stamps[0] if stamps else 0, transforms, stamps)
 
 
-def _read_static_transform(message: Message) -> StaticTransform:
+def _read_transform(message: Message) -> Transform:
     t, q = message.transform.translation, message.transform.rotation
     child = check_name(message.child_frame_id)
-    return StaticTransform(message.header.frame_id, child, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+    return Transform(message.header.frame_id, child, (t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
 
 
 _READERS: dict[Sensor, Callable[[Message], Measurement]] = {

@@ -14,8 +14,8 @@ from wayfi.frontends.measurements import (
     MovingTransforms,
     Odometry,
     PointCloud,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.ros.codec_error import CodecError
@@ -132,16 +132,16 @@ def _write_wifi_scan(scan: WifiScan) -> Message:
 
 
 def _write_static_transforms(transforms: StaticTransforms) -> Message:
-    written = [_write_static_transform(transform, transforms.stamp_ns) for transform in transforms.transforms]
+    written = [_write_transform(transform, transforms.stamp_ns) for transform in transforms.transforms]
     return new_message(TF_MESSAGE, written)
 
 
 def _write_moving_transforms(transforms: MovingTransforms) -> Message:
     pairs = zip(transforms.transforms, transforms.stamps_ns, strict=True)
-    return new_message(TF_MESSAGE, [_write_static_transform(*pair) for pair in pairs])
+    return new_message(TF_MESSAGE, [_write_transform(*pair) for pair in pairs])
 
 
-def _write_static_transform(transform: StaticTransform, stamp_ns: int) -> Message:
+def _write_transform(transform: Transform, stamp_ns: int) -> Message:
     pose = new_message(
         "geometry_msgs/msg/Transform",
         new_message("geometry_msgs/msg/Vector3", *transform.translation_xyz),

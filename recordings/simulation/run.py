@@ -18,8 +18,8 @@ from wayfi.frontends.measurements import (
     LaserScan,
     Measurement,
     Odometry,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.simulation import laser, radio, returns, wheels
@@ -130,7 +130,7 @@ def mount(frame: str, T_base_sensor: Pose2, height_m: float) -> Iterator[Measure
     """The static transform of a sensor, upright and `height_m` above the floor; one measurement, at the start."""
     T = T_base_sensor
     turn = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
-    yield StaticTransforms(EPOCH_NS, (StaticTransform("base_link", frame, (T.x, T.y, height_m), turn),))
+    yield StaticTransforms(EPOCH_NS, (Transform("base_link", frame, (T.x, T.y, height_m), turn),))
 
 
 def odometry(run: Run) -> Iterator[Odometry]:

@@ -21,8 +21,8 @@ from wayfi.frontends.measurements import (
     LaserScan,
     Odometry,
     PointCloud,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.frontends.wifi import readings
@@ -129,7 +129,7 @@ def mount_of(mount: object, frame_id: object) -> StaticTransforms:
     if len(values) != 7 or math.hypot(*values[:3]) > FURTHEST_M or not SMALLEST_NORM <= norm <= LARGEST_NORM:
         raise _refusal("mount", wanted, mount)
     x, y, z, qx, qy, qz, qw = values
-    transform = StaticTransform("base_link", name(frame_id, "frame_id"), (x, y, z), (qx, qy, qz, qw))
+    transform = Transform("base_link", name(frame_id, "frame_id"), (x, y, z), (qx, qy, qz, qw))
     return StaticTransforms(0, (transform,))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
-from wayfi.frontends.measurements import StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import StaticTransforms, Transform
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TYPESTORE
 from wayfi.recordings.ros.ros_messages import Message, header, new_message, planar_pose, pose_with_covariance
@@ -32,7 +32,7 @@ def transform_message(event: PosePublished) -> bytes:
     """A TFMessage with map -> odom. Raises CodecError where a ROS time cannot hold the stamp."""
     T = event.T_map_odom
     rotation = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
-    transform = StaticTransform(MAP_FRAME, ODOM_FRAME, (T.x, T.y, 0.0), rotation)
+    transform = Transform(MAP_FRAME, ODOM_FRAME, (T.x, T.y, 0.0), rotation)
     return encode(StaticTransforms(event.stamp_ns, (transform,)))
 
 

@@ -14,8 +14,8 @@ from wayfi.frontends.measurements import (
     Odometry,
     PointCloud,
     Sensor,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.ros.codec import encode
@@ -64,9 +64,7 @@ def wifi_scans(draw: st.DrawFn) -> WifiScan:
 
 
 TRANSFORMS = st.lists(
-    st.builds(
-        StaticTransform, NAMES, NAMES, st.tuples(FLOATS, FLOATS, FLOATS), st.tuples(FLOATS, FLOATS, FLOATS, FLOATS)
-    ),
+    st.builds(Transform, NAMES, NAMES, st.tuples(FLOATS, FLOATS, FLOATS), st.tuples(FLOATS, FLOATS, FLOATS, FLOATS)),
     min_size=1,
     max_size=4,
 ).map(tuple)
@@ -108,8 +106,8 @@ EXAMPLES: list[Measurement] = [
         7, "wlan0", ("aa:bb:cc:dd:ee:ff", "00:11:22:33:44:55"), float32s([-40, -70]), float32s([0, 2]),
         ("home", "café"), (2412, 5180),
     ),
-    StaticTransforms(9, (StaticTransform("base_link", "laser", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),)),
-    MovingTransforms(9, (StaticTransform("odom", "base_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),), (9,)),
+    StaticTransforms(9, (Transform("base_link", "laser", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),)),
+    MovingTransforms(9, (Transform("odom", "base_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),), (9,)),
 ]  # fmt: skip
 
 

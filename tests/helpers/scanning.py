@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, KeyframeAdded, Warned
-from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, StaticTransforms, Transform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.simulation import run as simulation
 from wayfi.recordings.simulation.run import start
@@ -68,7 +68,7 @@ def simulated(mount: Pose2, frame: str, world: World = World.CARPARK, delay_s: f
     made = replace(made, T_base_laser=mount, scan_delay_ns=made.scan_delay_ns + round(delay_s * 1e9))
     measured = [m for m in simulation.measurements(made) if isinstance(m, Odometry | LaserScan)]
     half = math.sin(mount.theta / 2), math.cos(mount.theta / 2)
-    static = StaticTransform("base_link", frame, (mount.x, mount.y, 0.2), (0.0, 0.0, *half))
+    static = Transform("base_link", frame, (mount.x, mount.y, 0.2), (0.0, 0.0, *half))
     first: list[Measurement] = [StaticTransforms(measured[0].stamp_ns, (static,))]
     return Drive(first + [thinned(m, frame) if isinstance(m, LaserScan) else m for m in measured], made.truth)
 

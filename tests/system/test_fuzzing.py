@@ -26,8 +26,8 @@ from wayfi.frontends.measurements import (
     Odometry,
     PointCloud,
     Sensor,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.frontends.odometry.accepted_odometry import FURTHEST_M
@@ -41,7 +41,7 @@ from wayfi.service.config import load_config
 from wayfi.service.drive.drive import Drive
 
 START_NS = 1_700_000_000 * SECOND_NS
-MOUNT = StaticTransform("base_link", "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+MOUNT = Transform("base_link", "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
@@ -145,7 +145,7 @@ def test_scans_that_wait_are_so_many_at_most() -> None:
 
 
 def test_frames_beyond_the_most_are_not_remembered() -> None:
-    frames = [StaticTransform("base_link", f"frame {i}", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for i in range(1050)]
+    frames = [Transform("base_link", f"frame {i}", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for i in range(1050)]
     dropped = reasons(feed(pipeline(), [StaticTransforms(START_NS, (t,)) for t in frames]))
     assert dropped == [DropReason.TOO_MANY_FRAMES] * (1050 - MOST_FRAMES)
 
@@ -163,7 +163,7 @@ def test_frames_beyond_the_most_are_not_remembered() -> None:
 def test_an_absurd_mount_is_dropped(
     translation: tuple[float, float, float], rotation: tuple[float, float, float, float], reason: DropReason
 ) -> None:
-    mount = StaticTransforms(START_NS, (StaticTransform("base_link", "laser", translation, rotation),))
+    mount = StaticTransforms(START_NS, (Transform("base_link", "laser", translation, rotation),))
     assert reasons(feed(pipeline(), [mount])) == [reason]
 
 
@@ -180,7 +180,7 @@ def test_names_are_short() -> None:
     for measurement in (
         wifi(START_NS, "x" * (MAX_NAME + 1)),
         LaserScan(START_NS, "x" * (MAX_NAME + 1), np.ones(3, np.float32), 0.0, 0.1, 0.0, 30.0),
-        StaticTransforms(START_NS, (StaticTransform("a", "x" * (MAX_NAME + 1), (0, 0, 0), (0, 0, 0, 1)),)),
+        StaticTransforms(START_NS, (Transform("a", "x" * (MAX_NAME + 1), (0, 0, 0), (0, 0, 0, 1)),)),
     ):
         for encoding in Encoding:
             with pytest.raises(CodecError, match="letters"):

@@ -11,7 +11,7 @@ from wayfi.backend.pose2 import Pose2, between_all, compose_all
 from wayfi.frontends.cloud.height_band import band_points, deskew, planar_scan
 from wayfi.frontends.lidar.lidar_config import CloudConfig
 from wayfi.frontends.lidar.mount import Mount
-from wayfi.frontends.measurements import PointCloud, StaticTransform
+from wayfi.frontends.measurements import PointCloud, Transform
 
 CONFIG = CloudConfig()
 MAX_RANGE_M = 25.0
@@ -22,8 +22,8 @@ def cloud(points: list[list[float]]) -> PointCloud:
     return PointCloud(0, "lidar", np.array(points, np.float32))
 
 
-def upright(z: float) -> StaticTransform:
-    return StaticTransform("base_link", "lidar", (0.1, 0.0, z), (0.0, 0.0, 0.0, 1.0))
+def upright(z: float) -> Transform:
+    return Transform("base_link", "lidar", (0.1, 0.0, z), (0.0, 0.0, 0.0, 1.0))
 
 
 def test_the_band_has_walls_but_not_floor_ceiling_robot_nan_or_far() -> None:
@@ -52,7 +52,7 @@ def test_a_mount_may_be_turned_any_way(roll: float, pitch: float, yaw: float, le
         cr * cp * cy + sr * sp * sy,
     )
     scaled = tuple(length * part for part in rotation)
-    mount = Mount.of(StaticTransform("base_link", "lidar", (0.2, -0.1, 1.2), scaled))  # type: ignore[arg-type]
+    mount = Mount.of(Transform("base_link", "lidar", (0.2, -0.1, 1.2), scaled))  # type: ignore[arg-type]
     about = [
         np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]),
         np.array([[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]),

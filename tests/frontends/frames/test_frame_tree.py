@@ -8,19 +8,19 @@ from scipy.spatial.transform import Rotation
 
 from wayfi.frontends.frames.frame_tree import MOST_CHANGES, MOST_FRAMES, Added, FrameTree, frame_name, leaf_name
 from wayfi.frontends.frames.pose3 import Pose3
-from wayfi.frontends.measurements import StaticTransform
+from wayfi.frontends.measurements import Transform
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
-def at(parent: str, child: str, x: float = 0.0) -> StaticTransform:
-    return StaticTransform(parent, child, (x, 0.0, 0.0), UPRIGHT)
+def at(parent: str, child: str, x: float = 0.0) -> Transform:
+    return Transform(parent, child, (x, 0.0, 0.0), UPRIGHT)
 
 
-def transform(parent: str, child: str, T: Pose3, length: float) -> StaticTransform:
+def transform(parent: str, child: str, T: Pose3, length: float) -> Transform:
     x, y, z, w = (length * Rotation.from_matrix(T.rotation).as_quat()).tolist()
     tx, ty, tz = T.translation.tolist()
-    return StaticTransform(parent, child, (tx, ty, tz), (x, y, z, w))
+    return Transform(parent, child, (tx, ty, tz), (x, y, z, w))
 
 
 @given(st.integers(2, 12), st.integers(0, 2**32 - 1), st.booleans())

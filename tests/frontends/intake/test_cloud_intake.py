@@ -9,14 +9,14 @@ from wayfi.backend.pose2 import Floats
 from wayfi.frontends.intake.cloud_intake import CloudIntake, cloud_duration_ns, has_return
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import PointCloud, StaticTransform
+from wayfi.frontends.measurements import PointCloud, Transform
 
 BAND = LidarConfig().cloud
 MIDDLE_M = 0.5 * (BAND.low_m + BAND.high_m)
-ELSEWHERE = StaticTransform("base_link", "lidar", (5.0, 5.0, 0.7), (0.0, 0.0, 0.0, 1.0))
+ELSEWHERE = Transform("base_link", "lidar", (5.0, 5.0, 0.7), (0.0, 0.0, 0.0, 1.0))
 
 
-def intake(config: LidarConfig, *known: StaticTransform) -> CloudIntake:
+def intake(config: LidarConfig, *known: Transform) -> CloudIntake:
     mounts = Mounts(config)
     assert [mounts.add(transform) for transform in known] == [None] * len(known)
     return CloudIntake(config, mounts)
@@ -28,7 +28,7 @@ def cloud(*points: tuple[float, float, float], time_s: Floats | None = None) -> 
 
 @pytest.mark.parametrize("known", [(), (ELSEWHERE,)])
 def test_a_mount_of_the_configuration_goes_first_and_is_at_the_middle_of_the_band(
-    known: tuple[StaticTransform, ...],
+    known: tuple[Transform, ...],
 ) -> None:
     points, _ = intake(LidarConfig(mount=[0.3, 0.0, math.pi / 2]), *known).band(cloud((2.0, 0.0, 0.0)))
     np.testing.assert_allclose(points, [[0.3, 2.0, MIDDLE_M]], atol=1e-6)

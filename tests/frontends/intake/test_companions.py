@@ -4,7 +4,7 @@ from wayfi.frontends.events import Event, Warned
 from wayfi.frontends.intake.companions import Companions
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import StaticTransform
+from wayfi.frontends.measurements import Transform
 
 MS = 1_000_000
 
@@ -12,7 +12,7 @@ MS = 1_000_000
 def companions(*mounted: str, one_mount: bool = False) -> Companions:
     mounts = Mounts(LidarConfig())
     for frame in mounted:
-        mounts.add(StaticTransform("base_link", frame, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+        mounts.add(Transform("base_link", frame, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
     return Companions(mounts, one_mount)
 
 

@@ -10,7 +10,7 @@ from clouds import cloud_at
 from rooms import HALL
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import SECOND_NS, LaserScan, StaticTransform, StaticTransforms, Sweep
+from wayfi.frontends.measurements import SECOND_NS, LaserScan, StaticTransforms, Sweep, Transform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.recordings.simulation import lidar3d
@@ -19,7 +19,7 @@ from wayfi.recordings.simulation.surfaces import still
 
 STEP = Pose2(0.05, 0.0, 0.01)
 START = Pose2(0.0, -2.5, 0.0)
-UPRIGHT = StaticTransform("base_link", "lidar", (0.0, 0.0, lidar3d.HEIGHT_M), (0.0, 0.0, 0.0, 1.0))
+UPRIGHT = Transform("base_link", "lidar", (0.0, 0.0, lidar3d.HEIGHT_M), (0.0, 0.0, 0.0, 1.0))
 SWEEPS, PICKLED_AT = 50, 35  # the laser leads after two seconds, 20 sweeps
 
 

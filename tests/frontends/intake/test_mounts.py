@@ -12,7 +12,7 @@ from wayfi.frontends.events import DropReason
 from wayfi.frontends.frames.frame_tree import FURTHEST_M, MOST_FRAMES
 from wayfi.frontends.intake.mounts import MOST_WARNED, Mounts
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import LaserScan, StaticTransform
+from wayfi.frontends.measurements import LaserScan, Transform
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 AHEAD = (0.3, 0.0, 0.2)
@@ -22,8 +22,8 @@ def transform(
     translation: tuple[float, float, float] = AHEAD,
     rotation: tuple[float, float, float, float] = UPRIGHT,
     child: str = "laser",
-) -> StaticTransform:
-    return StaticTransform("base_link", child, translation, rotation)
+) -> Transform:
+    return Transform("base_link", child, translation, rotation)
 
 
 def scan(frame_id: str) -> LaserScan:
@@ -41,7 +41,7 @@ def scan(frame_id: str) -> LaserScan:
         (transform(rotation=(0.0, 0.0, 0.0, 1e200)), DropReason.ABSURD_MOUNT),
     ],
 )
-def test_what_cannot_be_is_refused_and_what_was_known_stays(refused: StaticTransform, reason: DropReason) -> None:
+def test_what_cannot_be_is_refused_and_what_was_known_stays(refused: Transform, reason: DropReason) -> None:
     mounts = Mounts(LidarConfig())
     assert mounts.add(transform()) is None
     assert mounts.add(refused) is reason
@@ -87,7 +87,7 @@ def test_an_unknown_frame_is_at_base_link_and_warned_of_once() -> None:
 def chained(*edges: tuple[str, str]) -> Mounts:
     mounts = Mounts(LidarConfig())
     for parent, child in edges:
-        mounts.add(StaticTransform(parent, child, AHEAD, UPRIGHT))
+        mounts.add(Transform(parent, child, AHEAD, UPRIGHT))
     return mounts
 
 
@@ -101,7 +101,7 @@ def test_the_base_is_the_odometrys_where_transforms_lead_from_it() -> None:
 
 def test_a_frame_that_is_set_goes_before_the_odometrys() -> None:
     mounts = Mounts(LidarConfig(), "/chassis")
-    mounts.add(StaticTransform("chassis", "laser", AHEAD, UPRIGHT))
+    mounts.add(Transform("chassis", "laser", AHEAD, UPRIGHT))
     mounts.follow_odometry("wheels")
     assert mounts.knows("laser")
     assert list(mounts.warn_of_unknown(scan("laser"))) == []
@@ -130,8 +130,8 @@ MOVES = st.sampled_from([(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, math.nan, 0.0),
 TURNS = st.sampled_from([UPRIGHT, (0.0, 0.0, 2.0, 0.0), (0.0, 0.0, 0.0, 0.0), (math.inf, 0.0, 0.0, 1.0)])
 
 
-@given(st.lists(st.tuples(st.builds(StaticTransform, FRAMES, FRAMES, MOVES, TURNS), st.booleans(), FRAMES)))
-def test_no_transforms_break_anything(sent: list[tuple[StaticTransform, bool, str]]) -> None:
+@given(st.lists(st.tuples(st.builds(Transform, FRAMES, FRAMES, MOVES, TURNS), st.booleans(), FRAMES)))
+def test_no_transforms_break_anything(sent: list[tuple[Transform, bool, str]]) -> None:
     mounts = Mounts(LidarConfig())
     for t, declared, base in sent:
         mounts.add(t, declared)

@@ -14,7 +14,7 @@ from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.lidar.laser_points import MIN_RANGE_M, beam_points, fit_normals, thin, to_base, valid_beams
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.mount import Mount
-from wayfi.frontends.measurements import LaserScan, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, StaticTransforms, Transform
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.recordings.simulation.surfaces import box
@@ -39,8 +39,8 @@ def quaternion(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> tuple
     )
 
 
-def mount(xy: tuple[float, float] = (0.0, 0.0), **angles: float) -> StaticTransform:
-    return StaticTransform("base_link", "laser", (*xy, 0.3), quaternion(**angles))
+def mount(xy: tuple[float, float] = (0.0, 0.0), **angles: float) -> Transform:
+    return Transform("base_link", "laser", (*xy, 0.3), quaternion(**angles))
 
 
 # Beams
@@ -109,8 +109,8 @@ def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
 
 def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
     intake = ScanIntake(LidarConfig())
-    nan = StaticTransform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    elsewhere = StaticTransform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    nan = Transform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    elsewhere = Transform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     intake.add_transforms(StaticTransforms(0, (nan, elsewhere)))
     assert not intake.mounts.knows("laser")
     np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)

@@ -5,14 +5,14 @@ import math
 import pytest
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import SECOND_NS, MovingTransforms, StaticTransform
+from wayfi.frontends.measurements import SECOND_NS, MovingTransforms, Transform
 from wayfi.frontends.odometry.transform_odometry import MOST_WAITING, TransformOdometry
 
 TURNED = (0.0, 0.0, 3 * math.sin(0.25), 3 * math.cos(0.25))  # by 0.5 rad, of length 3
 
 
 def moved(second: float, *pairs: tuple[str, str]) -> MovingTransforms:
-    transforms = tuple(StaticTransform(*pair, (second, 2.0, 0.3), TURNED) for pair in pairs)
+    transforms = tuple(Transform(*pair, (second, 2.0, 0.3), TURNED) for pair in pairs)
     stamp_ns = round(second * SECOND_NS)
     return MovingTransforms(stamp_ns, transforms, (stamp_ns,) * len(pairs))
 
@@ -66,6 +66,6 @@ def test_what_waits_is_later_than_the_newest_message_but_for_the_pose_that_it_jo
 
 def test_a_quaternion_of_zeros_has_no_heading() -> None:
     odometry = TransformOdometry()
-    zeros = StaticTransform("odom", "base_link", (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    zeros = Transform("odom", "base_link", (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     odometry.add(MovingTransforms(1, (zeros,), (1,)))
     assert math.isnan(odometry.take()[0].pose.theta)

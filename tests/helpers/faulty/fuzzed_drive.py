@@ -16,8 +16,8 @@ from wayfi.frontends.measurements import (
     Odometry,
     PointCloud,
     Sensor,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.ros.codec import encode
@@ -117,8 +117,8 @@ def as_transforms(m: Odometry) -> MovingTransforms:
     """The same pose as transforms, with a mount beside it."""
     half = 0.5 * m.pose.theta
     turn = 0.0, 0.0, math.sin(half), math.cos(half)
-    pose = StaticTransform(m.frame_id, m.child_frame_id, (m.pose.x, m.pose.y, 0.0), turn)
-    laser = StaticTransform(m.child_frame_id, "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+    pose = Transform(m.frame_id, m.child_frame_id, (m.pose.x, m.pose.y, 0.0), turn)
+    laser = Transform(m.child_frame_id, "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
     return MovingTransforms(m.stamp_ns, (pose, laser), (m.stamp_ns, m.stamp_ns))
 
 
@@ -128,7 +128,7 @@ def _as_scan(cloud: PointCloud) -> LaserScan:
 
 
 def _mounts(m: LaserScan | PointCloud) -> StaticTransforms:
-    turned = StaticTransform("base_link", m.frame_id, (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+    turned = Transform("base_link", m.frame_id, (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
     return StaticTransforms(m.stamp_ns, (turned, replace(turned, child_frame_id="other")))
 
 

@@ -4,12 +4,12 @@ import numpy as np
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, Odometry, StaticTransforms, Transform
 from wayfi.recordings.inspecting.frames import Frames
 
 
 def joined(*pairs: tuple[str, str]) -> StaticTransforms:
-    return StaticTransforms(0, tuple(StaticTransform(*pair, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for pair in pairs))
+    return StaticTransforms(0, tuple(Transform(*pair, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for pair in pairs))
 
 
 def scan(frame: str) -> LaserScan:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from wayfi.frontends.events import Dropped, Event, Warned
-from wayfi.frontends.measurements import MovingTransforms, Odometry, Sensor, StaticTransform
+from wayfi.frontends.measurements import MovingTransforms, Odometry, Sensor, Transform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.files.tum import read_tum
@@ -139,7 +139,7 @@ def with_transforms(records: list[Record]) -> Iterator[Record]:
         odometry = decode(record.data, Sensor.ODOM, Encoding.CDR)
         assert isinstance(odometry, Odometry)
         T, half = odometry.pose, 0.5 * odometry.pose.theta
-        pose = StaticTransform("odom", "base_link", (T.x, T.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+        pose = Transform("odom", "base_link", (T.x, T.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
         moved = MovingTransforms(odometry.stamp_ns, (pose,), (odometry.stamp_ns,))
         yield replace(record, topic="/tf", type_name=TF_MESSAGE, data=encode(moved))
         if number // 500 % 2:

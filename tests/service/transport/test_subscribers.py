@@ -16,7 +16,7 @@ from zenoh.ext import (
 )
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor, StaticTransforms, Transform
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import RecordingConfig, ZenohConfig
@@ -79,7 +79,7 @@ def odometry(number: int, encoding: Encoding = Encoding.CDR) -> bytes:
 
 
 def mount(child: str) -> bytes:
-    return encode(StaticTransforms(0, (StaticTransform("base_link", child, (0.1, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)),)))
+    return encode(StaticTransforms(0, (Transform("base_link", child, (0.1, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)),)))
 
 
 def test_each_message_of_an_rmw_publisher_comes_once_and_in_order(daemon: Listening) -> None:

@@ -16,8 +16,8 @@ from wayfi.frontends.measurements import (
     LaserScan,
     MovingTransforms,
     Odometry,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.simulation.run import EPOCH_NS
@@ -33,10 +33,10 @@ def some_pose(rng: np.random.Generator) -> Pose3:
     return Pose3(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.5, 0.5, 3))
 
 
-def transform(parent: str, child: str, T: Pose3, length: float = 1.0) -> StaticTransform:
+def transform(parent: str, child: str, T: Pose3, length: float = 1.0) -> Transform:
     x, y, z, w = length * Rotation.from_matrix(T.rotation).as_quat()
     tx, ty, tz = T.translation
-    return StaticTransform(parent, child, (float(tx), float(ty), float(tz)), (float(x), float(y), float(z), float(w)))
+    return Transform(parent, child, (float(tx), float(ty), float(tz)), (float(x), float(y), float(z), float(w)))
 
 
 def mount_of(drive: Simulated) -> Pose3:
@@ -60,12 +60,12 @@ def backwards(edge: Edge) -> Edge:
     return child, parent, T.inverse()
 
 
-def static(at_s: float, *transforms: StaticTransform) -> Arrival:
+def static(at_s: float, *transforms: Transform) -> Arrival:
     at_ns = EPOCH_NS + round(at_s * SECOND_NS)
     return Arrival(at_ns, StaticTransforms(at_ns, transforms))
 
 
-def moving(at_s: float, *transforms: StaticTransform) -> Arrival:
+def moving(at_s: float, *transforms: Transform) -> Arrival:
     at_ns = EPOCH_NS + round(at_s * SECOND_NS)
     return Arrival(at_ns, MovingTransforms(at_ns, transforms, (at_ns,) * len(transforms)))
 
@@ -214,13 +214,13 @@ LOOP = [("base_link", "a"), ("a", "b"), ("b", "base_link")]
         ([transform(*pair, some_pose(np.random.default_rng(k))) for k, pair in enumerate(LOOP)], "loop_of_frames"),
         ([transform("mast", "laser", Pose3.identity()), transform("base_link", "mast", HALF_ROUND)], "loop_of_frames"),
         ([transform("laser", "laser", Pose3.identity())], "absurd_mount"),
-        ([StaticTransform("base_link", "lamp", (math.nan, 0.0, 0.0), UPRIGHT)], "non_finite"),
-        ([StaticTransform("base_link", f"lamp {k}", (0.0, 0.0, 0.0), UPRIGHT) for k in range(1100)], "too_many_frames"),
+        ([Transform("base_link", "lamp", (math.nan, 0.0, 0.0), UPRIGHT)], "non_finite"),
+        ([Transform("base_link", f"lamp {k}", (0.0, 0.0, 0.0), UPRIGHT) for k in range(1100)], "too_many_frames"),
     ],
     ids=["cycle", "two parents", "self", "not finite", "thousands"],
 )
 def test_transforms_that_cannot_be_are_told_and_do_no_harm(
-    odd: list[StaticTransform], reason: str, minute: Simulated
+    odd: list[Transform], reason: str, minute: Simulated
 ) -> None:
     sent = [static(0.0, transform("base_link", "laser", mount_of(minute)))]
     sent += [static(0.1, *odd[k : k + 300]) for k in range(0, len(odd), 300)]

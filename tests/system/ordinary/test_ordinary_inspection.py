@@ -19,8 +19,8 @@ from wayfi.frontends.measurements import (
     LaserScan,
     Odometry,
     Sensor,
-    StaticTransform,
     StaticTransforms,
+    Transform,
     WifiScan,
 )
 from wayfi.recordings.mcap.recording import open_recording
@@ -157,8 +157,8 @@ def test_rates_are_right_where_the_recording_was_made_from_a_playback(
 
 @pytest.mark.parametrize("lies", ["chain", "broken", "none"])
 def test_frames_are_a_tree_that_says_what_is_missing(lies: str, some: list[Arrival], tmp_path: Path) -> None:
-    plate = StaticTransform("/base_link", "plate", (0.2, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
-    laser = StaticTransform("plate" if lies == "chain" else "arm", "laser", (0.1, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    plate = Transform("/base_link", "plate", (0.2, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
+    laser = Transform("plate" if lies == "chain" else "arm", "laser", (0.1, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
     transforms = () if lies == "none" else (plate, laser)
     said = changed(some, StaticTransforms, lambda a: renamed(a, transforms=transforms))
     found = diagnosed(write(tmp_path / "a.mcap", said))

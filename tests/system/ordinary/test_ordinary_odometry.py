@@ -10,7 +10,7 @@ from drives import Arrival, Simulated
 from ordinary_drives import fed, renamed
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import LaserScan, MovingTransforms, Odometry, StaticTransform, StaticTransforms
+from wayfi.frontends.measurements import LaserScan, MovingTransforms, Odometry, StaticTransforms, Transform
 from wayfi.frontends.odometry.accepted_odometry import HEADLESS
 from wayfi.frontends.odometry.twist_odometry import ENDS, LEADS
 from wayfi.recordings.ros.messages import ODOMETRY, TYPESTORE
@@ -223,9 +223,9 @@ def in_transforms(drive: Simulated, parent: str, child: str, from_s: float = 0.0
             continue
         T, stamp_ns = a.measurement.pose, a.measurement.stamp_ns
         half = 0.5 * T.theta
-        pose = StaticTransform(parent, child, (T.x, T.y, 0.1), (0.0, 0.0, 2 * math.sin(half), 2 * math.cos(half)))
-        spin = StaticTransform(child, "wheel", (0.0, 0.2, 0.0), (0.0, math.sin(a.second), 0.0, math.cos(a.second)))
-        corrected = StaticTransform("map", parent, (0.01 * a.second, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        pose = Transform(parent, child, (T.x, T.y, 0.1), (0.0, 0.0, 2 * math.sin(half), 2 * math.cos(half)))
+        spin = Transform(child, "wheel", (0.0, 0.2, 0.0), (0.0, math.sin(a.second), 0.0, math.cos(a.second)))
+        corrected = Transform("map", parent, (0.01 * a.second, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         out.append(replace(a, measurement=MovingTransforms(stamp_ns, (spin, corrected, pose), (stamp_ns,) * 3)))
     return out
 
