@@ -8,7 +8,6 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
-from wayfi.frontends.intake.sensor_clock import SensorClock
 from wayfi.frontends.intake.stand_ins import StandIns
 from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.intake.wifi_intake import WifiIntake
@@ -25,7 +24,6 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     Sweep,
     WifiScan,
-    content_of,
 )
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
@@ -52,9 +50,8 @@ class Pipeline:
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
         self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
-        self._clocks: dict[str, SensorClock] = {}
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
-        self._scans = ScanIntake(config.lidar, config.odometry.base_frame, self._lead_after_ns // 2)
+        self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
@@ -183,24 +180,15 @@ class Pipeline:
             yield from self._add_sweep(sweep)
 
     def _add_sweep(self, sweep: Sweep) -> Iterator[Event]:
-        laser = self._scans.laser_of(sweep)
-        stamped = self._clock_of(laser.stream).accept(sweep.stamp_ns, lambda: content_of(sweep))
-        if stamped.told:
-            yield Warned(stamped.stamp_ns, f"{laser.name}: {stamped.told}")
-        if stamped.dropped:
-            yield dropped(sweep, stamped.stamp_ns, stamped.dropped)
-            return
-        if stamped.shift_ns < 0:
-            yield from self._scans.drop_ahead(stamped.stamp_ns)
-        shifted_ns = yield from self._scans.add(stamped.stamp_ns, sweep, self._path.latest)
-        if shifted_ns is None:
+        stamp_ns = yield from self._scans.add(sweep, self._path.latest)
+        if stamp_ns is None:
             return
         yield from self._use_scans()
         waits = self._scans.queue.waited_ns > self._lead_after_ns
         if waits and self._stand_ins.transforms.waited_ns > self._lead_after_ns // 2:
-            yield from self._lead_by_transforms(shifted_ns)
+            yield from self._lead_by_transforms(stamp_ns)
         elif waits or self._stand_ins.laser_leads:
-            yield from self._lead_by_laser(shifted_ns)
+            yield from self._lead_by_laser(stamp_ns)
 
     def _lead_by_transforms(self, stamp_ns: int) -> Iterator[Event]:
         """Drive by the odometry in /tf in place of the messages that do not come."""
@@ -228,7 +216,7 @@ class Pipeline:
             yield from (dropped(scan, scan_ns, DropReason.AHEAD) for scan_ns, scan in waiting)
 
     def _process_transforms(self, m: StaticTransforms | MovingTransforms) -> Iterator[Event]:
-        yield from self._scans.add_transforms(m)
+        yield from self._scans.mounts.learn(m)
         yield from self._forget_misplaced()
         yield from self._use_scans()
         if isinstance(m, MovingTransforms) and self._stand_ins.add_transforms(m):
@@ -293,8 +281,3 @@ class Pipeline:
                 yield scan
             elif self._slam.has_keyframes:
                 yield from self._slam.add_wifi(self.stamp_ns, scan)
-
-    def _clock_of(self, stream: str) -> SensorClock:
-        if stream not in self._clocks:
-            self._clocks[stream] = SensorClock(self._config.odometry.clock, self._odometry.time)
-        return self._clocks[stream]

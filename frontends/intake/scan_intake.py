@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.events import Dropped, DropReason, Event
+from wayfi.frontends.events import Dropped, DropReason, Event, Warned
 from wayfi.frontends.intake.cloud_intake import CloudIntake, has_return
 from wayfi.frontends.intake.companions import Companions
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.intake.scan_queue import ScanQueue, sweep_ns
+from wayfi.frontends.intake.sensor_clock import SensorClock
 from wayfi.frontends.intake.sweep_sets import SweepSet, SweepSets
 from wayfi.frontends.intake.use_watch import UseWatch
 from wayfi.frontends.lasers.laser import Laser, Lasers
@@ -20,38 +21,39 @@ from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
     SECOND_NS,
     LaserScan,
-    MovingTransforms,
     PointCloud,
     Sensor,
-    StaticTransforms,
     Sweep,
+    content_of,
 )
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
+from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.timebase import TimeBase
 from wayfi.frontends.scan_points import PlacedScan, joined, moved
+
+MOUNT_WAIT_SHARE = 0.5  # of the wait for odometry: /tf_static is latched, and comes at once where it is sent
 
 
 class ScanIntake:
     """Uses the first kind of laser that sees anything, planar or 3D, and all of that kind that have mounts together.
 
-    Holds their sweeps in `queue`, and knows the `mounts`.
+    Holds their sweeps in `queue`, and knows the `mounts`. Their stamps are brought onto the `time` of the odometry.
     """
 
-    def __init__(self, config: LidarConfig, base_frame: str = "", mount_wait_ns: int = SECOND_NS) -> None:
+    def __init__(self, config: LidarConfig, odometry: OdometryConfig, time: TimeBase) -> None:
         self._config = config
-        self._mount_wait_ns = mount_wait_ns  # of sweeps: /tf_static is latched, and comes at once where it is sent
-        self.mounts = Mounts(config, base_frame)
+        self._mount_wait_ns = round(MOUNT_WAIT_SHARE * odometry.laser_lead_s * SECOND_NS)
+        self.mounts = Mounts(config, odometry.base_frame)
         self.clouds = CloudIntake(config, self.mounts)
         self.queue = ScanQueue()
         self._lasers = Lasers(config.watch)
+        self._clock, self._time = odometry.clock, time
+        self._clocks: dict[str, SensorClock] = {}
         self._companions = Companions(self.mounts, bool(config.mount))
         self._sets = SweepSets()
         self._use = UseWatch(config, self.clouds)
         self._kind: Sensor | None = None
         self._shift_ns = 0
-
-    def add_transforms(self, transforms: StaticTransforms | MovingTransforms) -> list[Event]:
-        """Learn where sensors are mounted on the base; returns the drops of transforms that cannot be used."""
-        return list(self.mounts.learn(transforms))
 
     def awaits_mount(self) -> bool:
         """Whether the next sweep waits for its mount, which is not known."""
@@ -74,17 +76,20 @@ class ScanIntake:
         """The laser that a sweep is from."""
         return self._lasers.of(sweep)
 
-    def add(self, stamp_ns: int, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
-        """Add a sweep stamped `stamp_ns` on the time base; `latest` is the end of the driven path.
+    def add(self, sweep: Sweep, latest: PathPoint | None) -> Generator[Event, None, int | None]:
+        """Add a sweep; `latest` is the end of the driven path.
 
         Returns its stamp by the odometry's clock, None if it is dropped.
         """
-        sensor = sensor_of(sweep)
+        laser, sensor = self._lasers.of(sweep), sensor_of(sweep)
+        stamp_ns = yield from self._stamp(laser, sweep)
+        if stamp_ns is None:
+            return None
         if sensor is not (self._kind or sensor):
             yield dropped(sweep, stamp_ns, DropReason.OTHER_LASER)
             return None
         stamp_ns += self._shift_ns
-        laser, late_ns = self._lasers.of(sweep), latest.stamp_ns - stamp_ns if latest else 0
+        late_ns = latest.stamp_ns - stamp_ns if latest else 0
         used = yield from laser.watch.add_sweep(stamp_ns, sweep, late_ns)
         if used is None:
             return None
@@ -147,6 +152,23 @@ class ScanIntake:
             yield from self.mounts.warn_of_unknown(sweep)
         newest = sweeps.newest
         yield from self._use.judge(sweeps.point.stamp_ns, self._lasers.of(newest).name, newest, placed)
+
+    def _stamp(self, laser: Laser, sweep: Sweep) -> Generator[Event, None, int | None]:
+        """The stamp of a sweep on the time base, None if it is dropped.
+
+        Where the stamps turn out to have been ahead, so were those of the sweeps that wait after it: these are dropped.
+        """
+        if laser.stream not in self._clocks:
+            self._clocks[laser.stream] = SensorClock(self._clock, self._time)
+        stamped = self._clocks[laser.stream].accept(sweep.stamp_ns, lambda: content_of(sweep))
+        if stamped.told:
+            yield Warned(stamped.stamp_ns, f"{laser.name}: {stamped.told}")
+        if stamped.dropped:
+            yield dropped(sweep, stamped.stamp_ns, stamped.dropped)
+            return None
+        if stamped.shift_ns < 0:
+            yield from self.drop_ahead(stamped.stamp_ns)
+        return stamped.stamp_ns
 
     def _place(self, point: PathPoint, sweep: Sweep, path: DrivenPath) -> PlacedScan | None:
         self.mounts.mark_used(sweep)

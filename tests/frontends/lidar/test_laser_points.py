@@ -17,6 +17,7 @@ from wayfi.frontends.lidar.mount import Mount
 from wayfi.frontends.measurements import LaserScan, StaticTransforms, Transform
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.timebase import TimeBase
 from wayfi.recordings.simulation.surfaces import box
 
 S = 1_000_000_000
@@ -92,9 +93,14 @@ def test_mounts_upright_and_upside_down_place_points_as_their_rotation_does(
     np.testing.assert_allclose(to_base(np.array([[x, y]]), sensor, None)[0], expected, atol=1e-9)
 
 
+def intake_of(config: LidarConfig) -> ScanIntake:
+    odometry = OdometryConfig()
+    return ScanIntake(config, odometry, TimeBase(odometry.clock))
+
+
 def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
-    intake = ScanIntake(LidarConfig())
-    intake.add_transforms(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),)))
+    intake = intake_of(LidarConfig())
+    list(intake.mounts.learn(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),))))
     points = intake.points(scan([2.0], angle_min=-math.pi / 2))
     np.testing.assert_allclose(points, [[0.5, 2.0]], atol=1e-6)
     assert intake.mounts.knows("laser")
@@ -102,16 +108,16 @@ def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
 
 
 def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
-    intake = ScanIntake(LidarConfig(mount=[0.1, 0.2, math.pi / 2]))
-    intake.add_transforms(StaticTransforms(0, (mount((5.0, 5.0)),)))
+    intake = intake_of(LidarConfig(mount=[0.1, 0.2, math.pi / 2]))
+    list(intake.mounts.learn(StaticTransforms(0, (mount((5.0, 5.0)),))))
     np.testing.assert_allclose(intake.points(scan([1.0])), [[0.1, 1.2]], atol=1e-6)
 
 
 def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
-    intake = ScanIntake(LidarConfig())
+    intake = intake_of(LidarConfig())
     nan = Transform("base_link", "laser", (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     elsewhere = Transform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    intake.add_transforms(StaticTransforms(0, (nan, elsewhere)))
+    list(intake.mounts.learn(StaticTransforms(0, (nan, elsewhere))))
     assert not intake.mounts.knows("laser")
     np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)
 
@@ -221,7 +227,7 @@ def test_a_sweep_taken_on_the_way_gives_the_points_of_its_first_moment(speed: fl
         ranges.append(r)
         hit = T.transform(np.array([[r * math.cos(bearing), r * math.sin(bearing)]]))
         expected.append(T_path_start.T_path_base.inverse().transform(hit)[0])
-    intake = ScanIntake(LidarConfig())
+    intake = intake_of(LidarConfig())
     intake.queue.add(S, scan(ranges, -0.3, increment, each_s))
     (found,) = intake.ready(path)
     assert isinstance(found, SweepSet)
