@@ -5,7 +5,6 @@ from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -20,13 +19,13 @@ from wayfi.frontends.measurements import (
     Sensor,
     WifiScan,
 )
-from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.inspecting.clocks import ClockInspection, Stamps, clock_of
 from wayfi.recordings.inspecting.frames import FrameInspection, Frames
 from wayfi.recordings.inspecting.motion import Motion, OdometryInspection
 from wayfi.recordings.inspecting.radio import Radio, WifiInspection
 from wayfi.recordings.inspecting.sweeps import CloudInspection, Clouds, LaserInspection, Scans
 from wayfi.recordings.mcap.blocks import Record
+from wayfi.recordings.mcap.recording import Recording
 from wayfi.recordings.ros.codec import decode, encoding_of
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.discovery import find_topics
@@ -228,14 +227,13 @@ class _ChannelStatistics:
 
 
 def inspect_recording(
-    path: Path, topics: Topics | None = None, config: LidarConfig | None = None, base_frame: str = ""
+    recording: Recording, topics: Topics | None = None, config: LidarConfig | None = None, base_frame: str = ""
 ) -> Inspection:
-    """Read the whole recording at `path`; `topics` are those configured for the sensors (None: the defaults).
+    """Read a whole recording; `topics` are those configured for the sensors (None: the defaults).
 
     `config` and `base_frame` say where lasers are mounted and which points of clouds are used. Raises RecordingError if
-    it cannot be opened or has no messages.
+    nothing can be read.
     """
-    recording = open_any_recording(path)
     configured = DEFAULT_TOPICS if topics is None else topics
     sought = find_topics(recording.channels, configured)
     topics, config = {**configured, **sought.topics}, config or LidarConfig()
@@ -249,7 +247,7 @@ def inspect_recording(
     missing = frames.missing()
     found = [statistics[channel].inspection(config) for channel in sorted(statistics)]
     return Inspection(
-        path=str(path),
+        path=str(recording.path),
         duration_s=recording.duration_s,
         message_count=sum(topic.count for topic in found),
         sha256=recording.sha256(),

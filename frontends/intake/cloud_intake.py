@@ -24,11 +24,11 @@ class CloudIntake:
 
     def band(self, cloud: PointCloud) -> tuple[Floats, Floats]:
         """(n, 3) points of a cloud's height band in base_link, m, and their times (n,) after its stamp, s."""
-        return band_points(cloud, self._mount(cloud.frame_id), self._config.max_range_m, self._config.cloud)
+        return band_points(cloud, self.mount(cloud.frame_id), self._config.max_range_m, self._config.cloud)
 
     def heights(self, cloud: PointCloud) -> Floats:
         """(n,) m above base_link of a cloud's points that are finite, off the robot itself and within the range."""
-        mount, points = self._mount(cloud.frame_id), cloud.points[np.isfinite(cloud.points).all(axis=1)]
+        mount, points = self.mount(cloud.frame_id), cloud.points[np.isfinite(cloud.points).all(axis=1)]
         away_m = np.linalg.norm(points.astype(np.float64), axis=1)
         near = (self._config.cloud.body_m < away_m) & (away_m < self._config.max_range_m)
         heights: Floats = points[near] @ mount.rotation[2] + mount.translation[2]
@@ -43,11 +43,11 @@ class CloudIntake:
         motion = _motion(point, moments_s, path)
         if motion is not None:
             band = deskew(band, time_s, moments_s, motion)
-        T_base_sensor = self._mount(cloud.frame_id).planar
+        T_base_sensor = self.mount(cloud.frame_id).planar
         hits = planar_scan(band, T_base_sensor, self._config.cloud.bearings)
         return PlacedScan(scan_from_points(hits, T_base_sensor, self._config), hits.astype(np.float32), band)
 
-    def _mount(self, frame_id: str) -> Mount:
+    def mount(self, frame_id: str) -> Mount:
         """The mount of a frame; one of unknown height is assumed in the middle of the band."""
         height_m = 0.5 * (self._config.cloud.low_m + self._config.cloud.high_m)
         return self._mounts.of(frame_id, height_m)

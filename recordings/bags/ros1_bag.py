@@ -20,10 +20,10 @@ from wayfi.recordings.mcap.blocks import Block, Record, RecordingError, read_byt
 from wayfi.recordings.mcap.chunks import LARGEST_SALVAGED_BYTES
 from wayfi.recordings.mcap.layout import Bytes
 from wayfi.recordings.mcap.lz4_salvage import sound_beginning
+from wayfi.recordings.ros.foreign import ROS1
 from wayfi.recordings.ros.topics import Channel
 
 MAGIC = b"#ROSBAG V2.0\n"
-ROS1 = "ros1"
 _MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _LARGEST_HEADER_BYTES = 1 << 16
 _FIELDS = {_MESSAGE: {b"conn", b"time"}, _CHUNK: {b"compression", b"size"}}

@@ -35,21 +35,19 @@ class ClockInspection:
     @property
     def in_real_time(self) -> bool:
         """Whether log times passed as the stamps did."""
-        return self.playback is None or 1.0 / REAL_TIME < self.playback < REAL_TIME
+        return _is_real_time(self.playback)
 
 
 def clock_of(stamps_ns: Stamps, log_times_ns: Stamps) -> ClockInspection | None:
     """The clock of messages stamped `stamps_ns` (n,), in the order of their `log_times_ns` (n,); None without any."""
     if len(stamps_ns) == 0:
         return None
-    stamps_s, log_s = (
-        (ns - float(ns[0])) / SECOND_NS for ns in (stamps_ns, log_times_ns)
-    )  # may differ by over 2^63 ns
+    # in floating point, since two times may differ by over 2^63 ns
+    stamps_s, log_s = ((ns - float(ns[0])) / SECOND_NS for ns in (stamps_ns, log_times_ns))
     playback = _playback(stamps_s, log_s)
     first_s = (int(stamps_ns[0]) - int(log_times_ns[0])) / SECOND_NS
     ahead_s = stamps_s - log_s
-    steady = playback is None or 1.0 / REAL_TIME < playback < REAL_TIME
-    steps = _steps(ahead_s if steady else stamps_s - (playback or 0.0) * log_s)
+    steps = _steps(ahead_s if playback is None or _is_real_time(playback) else stamps_s - playback * log_s)
     low, high = np.percentile(ahead_s, [5, 95])
     return ClockInspection(
         offset_s=first_s + float(np.median(ahead_s)),
@@ -59,6 +57,10 @@ def clock_of(stamps_ns: Stamps, log_times_ns: Stamps) -> ClockInspection | None:
         playback=playback,
         still=len(stamps_ns) > 1 and bool(np.all(stamps_ns == stamps_ns[0])),
     )
+
+
+def _is_real_time(playback: float | None) -> bool:
+    return playback is None or 1.0 / REAL_TIME < playback < REAL_TIME
 
 
 def _playback(stamps_s: NDArray[np.float64], log_s: NDArray[np.float64]) -> float | None:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wayfi.frontends.frames.frame_tree import frame_name
 from wayfi.frontends.measurements import SECOND_NS, Odometry
 
 STILL_M, STILL_RAD = 1e-6, 1e-6  # between two messages: wheels that turn are seen to
-_LARGEST = 1e9  # m: larger numbers are no poses
+LARGEST = 1e9  # m: larger numbers are no poses
 USUAL = 99  # per cent of the speeds, so that a leap does not count as one
 
 
@@ -39,11 +40,11 @@ class Motion:
 
     def add(self, m: Odometry) -> None:
         """Add a message."""
-        frame = m.child_frame_id.lstrip("/")
+        frame = frame_name(m.child_frame_id)
         self._frames[frame] += 1
         speed = math.hypot(*m.twist[:2])
         row = (m.stamp_ns / SECOND_NS, m.pose.x, m.pose.y, m.pose.theta, speed)
-        if all(abs(number) < _LARGEST for number in row[1:]):
+        if all(abs(number) < LARGEST for number in row[1:]):
             self._rows.setdefault(frame, array("d")).extend(row)
 
     def inspection(self) -> OdometryInspection:

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.frontends.cloud.height_band import band_points
+from wayfi.frontends.intake.cloud_intake import CloudIntake
 from wayfi.frontends.intake.mounts import Mounts
 from wayfi.frontends.lasers.bearings import bearings_of
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import LaserScan, PointCloud
 
+MOST_SHAPES = 20  # of scans, to bound memory: a driver that never sends two alike says nothing
 CLOUDS = 20  # that are looked into: they are large, and alike
 EVERY = 50  # the sample of clouds is spread over the drive
 
@@ -62,7 +63,7 @@ class Scans:
             *(len(scan.ranges), scan.angle_min, scan.angle_increment),
             *(scan.range_min_m, scan.range_max_m, scan.time_increment_s),
         )
-        if shape in self._shapes or len(self._shapes) < CLOUDS:
+        if shape in self._shapes or len(self._shapes) < MOST_SHAPES:
             self._shapes[shape] += 1
             self._examples.setdefault(shape, scan)
         ranges = scan.ranges
@@ -110,12 +111,13 @@ class Clouds:
         """What the clouds so far hold, mounted by `mounts`; None without any."""
         if not self._sizes:
             return None
+        intake = CloudIntake(config, mounts)
         heights, in_band = [], 0
         for cloud in self._sample:
-            mount = mounts.of(cloud.frame_id)
+            mount = intake.mount(cloud.frame_id)
             points = cloud.points[np.isfinite(cloud.points).all(axis=1)].astype(np.float64)
             heights.append(points @ mount.rotation[2] + mount.translation[2])
-            in_band += len(band_points(cloud, mount, config.max_range_m, config.cloud)[0])
+            in_band += len(intake.band(cloud)[0])
         all_heights = np.concatenate(heights)
         low, high = np.percentile(all_heights, [5, 95]).tolist() if len(all_heights) else (0.0, 0.0)
         return CloudInspection(

@@ -1,7 +1,7 @@
 """Which topics of a recording are read for a sensor whose own topic is not there: the only one of its type."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TF_MESSAGE, TYPE_OF_SENSOR, canonical_type
@@ -10,10 +10,14 @@ from wayfi.recordings.ros.topics import Channel, Topics, is_read, route, topics_
 
 @dataclass(frozen=True, slots=True)
 class FoundTopics:
-    """The topics to read in place of the configured ones, by sensor, and a line for each that was found or sought."""
+    """The topics to read in place of the configured ones, by sensor, and a line for each that was found or sought.
+
+    `choices` are the topics of a sensor of which none was chosen, since several fit, sorted.
+    """
 
     topics: dict[Sensor, str]
     warnings: tuple[str, ...]
+    choices: Mapping[Sensor, list[str]] = field(default_factory=dict)
 
 
 def find_topics(channels: Iterable[Channel], configured: Topics) -> FoundTopics:
@@ -25,6 +29,7 @@ def find_topics(channels: Iterable[Channel], configured: Topics) -> FoundTopics:
     """
     known = tuple(channels)
     found: dict[Sensor, str] = {}
+    choices: dict[Sensor, list[str]] = {}
     warnings = []
     for sensor in configured:
         absent = [topic for topic in topics_of(configured, sensor) if topic and not _is_read_on(topic, sensor, known)]
@@ -42,9 +47,11 @@ def find_topics(channels: Iterable[Channel], configured: Topics) -> FoundTopics:
             warnings.append(f"{fitting[0]} is read for {sensor} (recording.{sensor}); nothing can be read on {topic}")
         elif fitting:
             warnings.append(_choice(sensor, topic, fitting))
+            if topic == DEFAULT_TOPICS[sensor]:
+                choices[sensor] = fitting
         elif topic != DEFAULT_TOPICS[sensor]:
             warnings.append(f"nothing can be read on {topic} (recording.{sensor}), and no other topic fits")
-    return FoundTopics(found, (*warnings, *_not_read(known, configured)))
+    return FoundTopics(found, (*warnings, *_not_read(known, configured)), choices)
 
 
 def _choice(sensor: Sensor, topic: str, fitting: list[str]) -> str:

@@ -13,14 +13,26 @@ from wayfi.recordings.bags.opening import open_any_recording
 from wayfi.recordings.inspection import Inspection, TopicInspection, inspect_recording
 from wayfi.recordings.ros.messages import sensor_of_type
 from wayfi.service.config import Config
-from wayfi.service.replay.found_topics import with_found_topics
-from wayfi.service.replay.trial import Trial, suggested_topics, try_out, with_topics
+from wayfi.service.replay.found_topics import suggested_topics, with_found_topics, with_topics
+from wayfi.service.replay.trial import Trial, try_out
 
 LEAST_POSES = 2  # one alone is no trajectory
 LEAST_IN_BAND = 0.001  # of a cloud's points: some noise there makes no map
 LEAST_USED = 0.1  # of a stream: less is told as not used
 _SETTING = re.compile(r"--set ([\w.]+=[^\s;,]+)")
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+_MOTION = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS)
+_SENSED = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS, Sensor.WIFI)
+_EXPECTED = {
+    (True, True, True): "a map; places are recognised again by WiFi and laser",
+    (True, True, False): "a map; places are recognised again by the laser alone",
+    (True, False, True): "a path whose drift WiFi corrects, and no map of walls",
+    (True, False, False): "the path of the odometry with its drift, and no map of walls",
+    (False, True, True): "a map led by the laser, with WiFi; long bare corridors may come out short",
+    (False, True, False): "a map led by the laser; long bare corridors may come out short",
+    (False, False, True): "little: nothing says how the robot moves",
+    (False, False, False): "little: nothing says how the robot moves",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +58,11 @@ def diagnose(path: Path, config: Config, calibration: Calibration | None, option
     """
     recording = open_any_recording(path)
     sought = [] if recording.is_blackbox else with_found_topics(config, recording)[1]
-    topics = suggested_topics(recording, config)
+    topics = suggested_topics(config, recording)
     config = with_topics(config, topics)
-    inspection = inspect_recording(path, config.recording.every_topic, config.lidar, config.odometry.base_frame)
+    inspection = inspect_recording(recording, config.recording.every_topic, config.lidar, config.odometry.base_frame)
     inspection = replace(inspection, warnings=tuple(dict.fromkeys((*inspection.warnings, *sought))))
-    trial = try_out(path, config, calibration)
+    trial = try_out(recording, config, calibration)
     if trial.poses < LEAST_POSES:
         return Diagnosis(inspection, trial, False, f"This recording cannot be replayed: {_why_not(inspection, trial)}")
     settings = [f"recording.{sensor}={topic}" for sensor, topic in topics.items()] + _remedies(inspection, trial)
@@ -106,20 +118,6 @@ def _verdict(inspection: Inspection, trial: Trial) -> str:
     has_wheels = trial.led_by_transforms or bool(found[Sensor.ODOM])
     expected = _EXPECTED[has_wheels, has_laser, bool(found[Sensor.WIFI])]
     return f"This recording can be replayed: {', '.join(parts)}. Expect {expected}.{''.join(unused)}"
-
-
-_MOTION = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS)
-_SENSED = (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS, Sensor.WIFI)
-_EXPECTED = {
-    (True, True, True): "a map; places are recognised again by WiFi and laser",
-    (True, True, False): "a map; places are recognised again by the laser alone",
-    (True, False, True): "a path whose drift WiFi corrects, and no map of walls",
-    (True, False, False): "the path of the odometry with its drift, and no map of walls",
-    (False, True, True): "a map led by the laser, with WiFi; long bare corridors may come out short",
-    (False, True, False): "a map led by the laser; long bare corridors may come out short",
-    (False, False, True): "little: nothing says how the robot moves",
-    (False, False, False): "little: nothing says how the robot moves",
-}
 
 
 def _is_used(topic: TopicInspection, trial: Trial) -> bool:

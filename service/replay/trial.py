@@ -1,21 +1,14 @@
 """A trial: the first minute of a recording through the pipeline, to hear what a replay would say of it."""
 
-from collections import Counter
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import DropReason
 from wayfi.frontends.intake.stand_ins import TRANSFORMS_LEAD, WHEELS_LEAD
-from wayfi.frontends.measurements import SECOND_NS, Sensor
-from wayfi.recordings.bags.opening import open_any_recording
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.recording import Recording
-from wayfi.recordings.ros.discovery import find_topics
-from wayfi.recordings.ros.messages import DEFAULT_TOPICS, sensor_of_type
-from wayfi.recordings.ros.topics import is_read, topics_of
 from wayfi.service.config import Config
+from wayfi.service.drive.unused_streams import OF_READINGS
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.replay.found_topics import with_found_topics
@@ -23,7 +16,6 @@ from wayfi.service.replay.replay import replayer_of
 
 TRIAL_S = 60.0  # of poses: streams are seen to be used or not within seconds, clocks within half a minute
 MOST_MESSAGES = 20_000  # where no pose comes: a minute of fast sensors
-_OF_READINGS = {DropReason.MALFORMED_BSSID, DropReason.ABSURD_RSSI, DropReason.TOO_MANY_READINGS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +37,12 @@ class Trial:
     def used(self, topic: str) -> float:
         """The share of a topic's messages that was used, 0 to 1."""
         count = self.messages.get(topic, 0)
-        lost = sum(n for reason, n in self.dropped.get(topic, {}).items() if reason not in _OF_READINGS)
+        lost = sum(n for reason, n in self.dropped.get(topic, {}).items() if reason not in OF_READINGS)
         return max(0.0, 1.0 - lost / count) if count else 0.0
 
 
-def try_out(path: Path, config: Config, calibration: Calibration | None) -> Trial:
-    """Replay the beginning of the recording at `path`. Raises RecordingError."""
-    recording = open_any_recording(path)
+def try_out(recording: Recording, config: Config, calibration: Calibration | None) -> Trial:
+    """Replay the beginning of a recording. Raises RecordingError."""
     config, _ = with_found_topics(config, recording)
     replayer = replayer_of(recording, config, calibration, NullLog())
     start_ns = 0
@@ -71,33 +62,3 @@ def try_out(path: Path, config: Config, calibration: Calibration | None) -> Tria
     counters = drive.counters
     dropped = {topic: dict(reasons) for topic, reasons in counters.dropped.items()}
     return Trial(seconds, len(result.stamps_ns), tuple(counters.warnings), dict(counters.messages), dropped)
-
-
-def suggested_topics(recording: Recording, config: Config) -> dict[Sensor, str]:
-    """For each sensor that nothing is read for but several topics would fit: the one with the most messages.
-
-    Point clouds only where there is no laser scan, and none for sensors whose topic was set.
-    """
-    if recording.is_blackbox:
-        return {}
-    configured = config.recording.every_topic
-    found = find_topics(recording.channels, configured).topics
-    present = {channel.topic for channel in recording.channels}
-    fitting: dict[Sensor, Counter[str]] = {}
-    for channel in recording.channels:
-        sensor = sensor_of_type(channel.type_name)
-        if sensor is not None and is_read(channel.encoding):
-            fitting.setdefault(sensor, Counter())[channel.topic] = recording.message_counts.get(channel.topic, 0)
-    chosen: dict[Sensor, str] = {}
-    for sensor in (Sensor.ODOM, Sensor.SCAN, Sensor.POINTS, Sensor.WIFI):
-        asked = topics_of(configured, sensor) != (DEFAULT_TOPICS[sensor],)
-        absent = sensor not in found and not asked and not present & {*topics_of(configured, sensor)}
-        if absent and fitting.get(sensor) and not (sensor is Sensor.POINTS and Sensor.SCAN in fitting):
-            chosen[sensor] = fitting[sensor].most_common(1)[0][0]
-    return chosen
-
-
-def with_topics(config: Config, topics: dict[Sensor, str]) -> Config:
-    """`config` with these topics for their sensors."""
-    named: dict[str, Any] = {sensor.value: topic for sensor, topic in topics.items()}
-    return replace(config, recording=replace(config.recording, **named))
