@@ -5,6 +5,7 @@ from collections.abc import Generator, Iterator
 
 from wayfi.frontends.complaints import Complaints, Fault
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
+from wayfi.frontends.frames.frame_tree import frame_name
 from wayfi.frontends.lasers.bearings import BearingsCheck
 from wayfi.frontends.lasers.fragments import Fragments
 from wayfi.frontends.lasers.range_limits import RangeUnit, with_limits
@@ -82,7 +83,7 @@ class Lasers:
     def of(self, sweep: Sweep) -> Laser:
         """The laser that a sweep is from; where there are too many, the one silent for longest is forgotten."""
         sensor, topic = (Sensor.POINTS, "") if isinstance(sweep, PointCloud) else (Sensor.SCAN, sweep.topic)
-        key = sensor, topic, sweep.frame_id.lstrip("/")
+        key = sensor, topic, frame_name(sweep.frame_id)
         if key in self._lasers:
             self._lasers.move_to_end(key)
             return self._lasers[key]

@@ -27,9 +27,8 @@ def with_limits(scan: LaserScan) -> tuple[LaserScan, str]:
     low, high = scan.range_min_m, scan.range_max_m
     low = low if 0.0 <= low < math.inf else 0.0
     if not high > 0.0:
-        return replace(
-            scan, range_min_m=low, range_max_m=math.inf
-        ), f"range_max is {high:g}: no limit is assumed; {DRIVER}"
+        text = f"range_max is {high:g}: no limit is assumed; {DRIVER}"
+        return replace(scan, range_min_m=low, range_max_m=math.inf), text
     if low >= high:
         text = f"range_min {low:g} and range_max {high:g} are swapped: used the other way round; {DRIVER}"
         return replace(scan, range_min_m=high, range_max_m=low), text

@@ -36,11 +36,9 @@ class SweepTime:
             return scan, ""
         expected_s = between_s * min(abs(scan.angle_increment) * len(scan.ranges) / TURN_RAD, 1.0)
         used_s, why = _believed(scan, expected_s, LONGER * between_s)
-        text = (
-            f"a time_increment of {scan.time_increment_s:g} s makes a sweep of {sweep_s:.2g} s, with {between_s:.2g} s"
-        )
-        corrected = replace(scan, time_increment_s=used_s / len(scan.ranges))
-        return corrected, f"{text} between scans: {why}a sweep of {used_s:.2g} s is used; {DRIVER}"
+        stated = f"a time_increment of {scan.time_increment_s:g} s makes a sweep of {sweep_s:.2g} s"
+        text = f"{stated}, with {between_s:.2g} s between scans: {why}a sweep of {used_s:.2g} s is used; {DRIVER}"
+        return replace(scan, time_increment_s=used_s / len(scan.ranges)), text
 
     def _between_s(self, scan: LaserScan) -> float | None:
         """The time between scans by their stamps, at first what the driver says of it; None while nothing tells."""

@@ -7,7 +7,6 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import NANOSECOND_S, Odometry
 
 MOVES_M_S, MOVES_RAD_S = 0.05, 0.1  # of a twist: less may be the noise of a gyroscope
-TURNS_RAD_S = 0.02  # of a robot that drives: its wheels never keep a heading to the last bit beside it
 MOVED_S = 0.5  # of such a twist, while the pose stands: longer than wheels need to follow a command
 LONGEST_S = 1.0  # between two messages: for so long a twist is assumed to last
 LEADS = "the pose never changes while the twist moves: the twist is integrated instead"
@@ -73,8 +72,6 @@ class TwistOdometry:
             half = Pose2(0.0, 0.0, 0.5 * turn)
             self._T = self._T @ half @ Pose2(vx * seconds, vy * seconds, 0.0) @ half
         drives = math.hypot(vx, vy) > MOVES_M_S
-        turns = abs(omega) > MOVES_RAD_S or (
-            drives and omega != 0.0
-        )  # wheels that roll never keep a heading to the bit
+        turns = abs(omega) > MOVES_RAD_S or (drives and omega != 0.0)  # wheels that roll keep no heading to the bit
         self._position.moved_s += seconds if drives else 0.0
         self._heading.moved_s += seconds if turns else 0.0
