@@ -113,7 +113,7 @@ class StaticTransforms:
 
 @dataclass(frozen=True, slots=True)
 class MovingTransforms:
-    """The transforms of one /tf message, each with its stamp in `stamps_ns`; those that never change are fixed."""
+    """The transforms of one /tf message, each with its stamp in `stamps_ns`; some may be fixed all the same."""
 
     stamp_ns: int
     transforms: tuple[Transform, ...]

@@ -18,9 +18,10 @@ class _Used:
 
 
 class Companions:
-    """Chooses those whose mounts are known; where none is, the first, until it has been silent for a second.
+    """Takes the sweeps of every laser whose mount is known; of the others only the one that is used already.
 
-    A mount in the configuration is that of one laser.
+    Another takes its place when it has been silent for a second. `one_mount`: the configuration says where one laser
+    is mounted, so that only one is used.
     """
 
     def __init__(self, mounts: Mounts, one_mount: bool) -> None:

@@ -16,7 +16,7 @@ from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS, LaserScan
 MOST_SHARE = 0.9  # of a turn: a larger scan is none of its fragments
 MOST_BEAMS = 50_000  # of a turn, to bound memory
 OFF_BEAMS = 1.5  # that a fragment may begin beside the end of the one before
-WALKED, MOST_WALKED = 2, 4  # steps, less those that did not walk on, from which scans are fragments
+WALKED, MOST_WALKED = 2, 4  # of a count of scans that walk on, less those that do not: from 2 on they are fragments
 LONGEST_TURN_NS = SECOND_NS  # from the first to the last fragment; what comes later begins another turn
 
 

@@ -25,7 +25,7 @@ FAULTS = {
 
 
 class Laser:
-    """One laser. `name` stands in warnings, `stream` is that of its stamps; it is watched by `watch`."""
+    """One laser: `name` is used in warnings, `stream` names its clock, and `watch` looks for faults of its sweeps."""
 
     def __init__(self, name: str, stream: str, config: LaserWatchConfig, first: bool) -> None:
         self.name, self.stream = name, stream

@@ -10,12 +10,12 @@ from wayfi.frontends.measurements import NANOSECOND_S
 MILLIMETRE_M = 1e-3
 STEPS = 10  # in a row, of poses that differ: an odometry that begins anew leaps once
 LEAST_M_S, MOST_M_S = 20.0, 5000.0  # of each step; in millimetres a robot from 0.02 to 5 m/s has it
-LEAST_AHEAD = 0.5  # of their length that they lead away: two sources in turn lead to and fro
+LEAST_AHEAD = 0.5  # of the steps' length, from the first pose to the last: two sources in turn make steps to and fro
 TOLD = "odometry looks as if it were in millimetres ({:.0f} m/s): taken as such (--set odometry.unit_m=0.001)"
 
 
 class UnitWatch:
-    """Converts positions to m: from `unit_m`, and from millimetres once their steps show that."""
+    """Converts positions to m from units of `unit_m`; where that is 1, from millimetres once steps show that."""
 
     def __init__(self, unit_m: float) -> None:
         self._unit_m = unit_m
@@ -43,5 +43,5 @@ class UnitWatch:
         if len(steps) < STEPS or not all(LEAST_M_S < metres / s < MOST_M_S for s, metres in steps):
             return 0.0
         length = math.fsum(metres for _, metres in steps)
-        leads_away = recent[0][1].distance(pose) > LEAST_AHEAD * length
-        return length / math.fsum(s for s, _ in steps) if leads_away else 0.0
+        leads_on = recent[0][1].distance(pose) > LEAST_AHEAD * length
+        return length / math.fsum(s for s, _ in steps) if leads_on else 0.0

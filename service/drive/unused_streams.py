@@ -10,7 +10,7 @@ from wayfi.frontends.measurements import SECOND_NS, Sensor
 BLOCK = 50  # messages of a topic that are judged together: 1 to 5 s of a laser or of odometry
 UNUSED_SHARE = 0.9  # of a block; faults that come and go leave more of it
 
-OF_READINGS = frozenset({DropReason.MALFORMED_BSSID, DropReason.ABSURD_RSSI})  # a scan has many
+OF_READINGS = (DropReason.MALFORMED_BSSID, DropReason.ABSURD_RSSI)  # of which a scan has many
 OLD_READING = (Sensor.WIFI, DropReason.TOO_LATE)  # the rest of its scan is used
 # Other reasons are told where they are found: by the codec, of the receiver, of the laser, or of the frame.
 REMEDIES = {
@@ -107,7 +107,7 @@ class UnusedStreams:
             return None
         reason = whole.most_common(1)[0][0]
         if reason is DropReason.NO_READINGS:
-            reason = max(OF_READINGS & dropped.keys(), key=dropped.__getitem__, default=reason)
+            reason = max((each for each in OF_READINGS if each in dropped), key=dropped.__getitem__, default=reason)
         return reason if reason in REMEDIES and reason not in self._told else None
 
     def _text(self, topic: str, dropped: Counter[DropReason], messages: int, now_ns: int) -> str:

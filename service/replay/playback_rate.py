@@ -11,7 +11,7 @@ _YEAR_S = 365.25 * 86_400.0
 
 
 class PlaybackRate:
-    """Holds messages back to `rate` times the time between their log times; None does not.
+    """Holds messages back so that log time passes `rate` times as fast as real time; without a rate, nothing is held.
 
     A gap between log times of more than `LONGEST_GAP_NS` is not waited for.
     """
