@@ -26,7 +26,7 @@ class Added(Enum):
     MOVES = "moves: it is no part of the tree"
     RESTLESS = "changes again and again; the last one is kept"
     LOOP = "contradicts another way between the two frames, which came first and is kept"
-    ABSURD = "cannot be: it is too far, has no rotation, or leads from a frame to itself"
+    ABSURD = "cannot be: it is too far, has no rotation, or does not lead from one named frame to another"
     NON_FINITE = "has numbers that are not finite"
     TOO_MANY = "is one too many"
 

@@ -63,7 +63,10 @@ def _in_degrees(start: float, step: float, end: float | None, beams: int) -> boo
     """Whether bearings that are large for radians are in degrees; radians may begin anywhere and go on for a turn."""
     if end is None:
         return True
-    return abs(end - start) > LEAST_DEGREES or not abs(start + (beams - 1) * step - end) <= _spare_rad(step, beams)
+    if abs(end - start) > LEAST_DEGREES:
+        return True
+    in_radians, in_degrees = (abs(start + k * (beams - 1) * step - end) for k in (1.0, math.degrees(1.0)))
+    return not in_radians <= _spare_rad(step, beams) and in_degrees <= math.degrees(_spare_rad(step, beams))
 
 
 def _with_step(start: float, step: float, end: float | None, beams: int, degrees: str) -> Bearings:

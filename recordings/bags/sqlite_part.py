@@ -16,6 +16,7 @@ from wayfi.recordings.ros.topics import Channel
 MAGIC = b"SQLite format 3\0"
 _ROWS_OF_A_BLOCK = 100
 _SMALLEST_ROW_BYTES = 8
+_LAST_ROW = 2**63 - 1  # that SQLite numbers
 _COLUMNS = "id, topic_id, timestamp"
 
 Row = tuple[Any, ...]
@@ -85,10 +86,10 @@ class SqlitePart:
     ) -> Iterator[Row]:
         """The rows from `first` up to `end`, each once; behind one that cannot be read, the next one that can.
 
-        Every step goes on, and no number is larger than the file has room for, so that no damage makes it endless.
+        Every step goes on, twice as far as the one before, so that no damage makes it endless.
         """
         query = f"SELECT {columns} FROM messages WHERE id >= ? AND id < ? ORDER BY id"
-        end = self.path.stat().st_size // _SMALLEST_ROW_BYTES if end is None else end
+        end = self._end_of_rows(database) if end is None else end
         following, skipped = first, 0
         while following + skipped < end:
             try:
@@ -102,6 +103,15 @@ class SqlitePart:
                 skipped = 2 * skipped or 1
             else:
                 return
+
+    def _end_of_rows(self, database: sqlite3.Connection) -> int:
+        """A number beyond those of the rows, which may be in the log beside the file, or those of a larger file."""
+        room = self.path.stat().st_size // _SMALLEST_ROW_BYTES
+        try:
+            (last,) = database.execute("SELECT max(id) FROM messages").fetchone()
+        except sqlite3.DatabaseError:
+            return room
+        return min(max(room, last + 1), _LAST_ROW) if isinstance(last, int) else room
 
     def _add_blocks(self, rows: list[Row]) -> None:
         for at in range(0, len(rows), _ROWS_OF_A_BLOCK):

@@ -59,6 +59,7 @@ class McapIndex:
         self._damage: dict[int, str] = {}
         self._gaps: list[RecordSpan] = []
         self._unknown_channels = False
+        self._second_at: int | None = None
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, McapChannel] = {}
         self._attachments: list[RecordSpan] = []
@@ -80,6 +81,9 @@ class McapIndex:
             return f"{self.path.name} is cut off after {self.counts.total()} messages; used what is complete{also}"
         if damaged:
             return f"{self.path.name} is damaged {damaged}; used what is sound"
+        if self._second_at is not None:
+            second = f"tail -c +{self._second_at + 1} {self.path.name} > second.mcap"
+            return f"{self.path.name} has another recording appended, which is not read: `{second}` takes it out"
         if self._unknown_channels:
             return f"{self.path.name} has messages of channels it does not describe; left them out"
         return None
@@ -156,7 +160,9 @@ class McapIndex:
         elif span.opcode == Opcode.ATTACHMENT:
             self._attachments.append(span)
         elif span.opcode == Opcode.FOOTER:
-            self.finished = data[span.end : span.end + len(MAGIC)] == MAGIC
+            end = span.end + len(MAGIC)
+            self.finished = data[span.end : end] == MAGIC
+            self._second_at = end if data[end : end + len(MAGIC)] == MAGIC else None
             self._check_summary(data, span)
         elif span.opcode in _SMALL:
             self._add_small_record(span.opcode, ReadDataStream(BytesIO(data[span.offset : span.end])))

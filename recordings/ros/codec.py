@@ -47,6 +47,8 @@ def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
     A zero quaternion gives a heading of NaN. Non-finite poses and ranges are not an error here. Raises CodecError, and
     nothing else, for malformed data.
     """
+    if not data:
+        raise CodecError(f"a {TYPE_OF_SENSOR[sensor]} of no bytes")
     encoding = Encoding(encoding_of(data, encoding))
     try:
         if encoding is Encoding.JSON:

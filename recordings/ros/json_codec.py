@@ -1,4 +1,4 @@
-"""ROS messages as JSON with the same field names; a time may have those of ROS 1, `secs` and `nsecs`.
+"""ROS messages as JSON with the same field names; a time may have those of ROS 1, `secs` and `nsecs`, or be seconds.
 
 Missing fields are zero, except required ones. JSON has no NaN and no infinity: both are written as `null`. It is read
 as infinity in `ranges` and `range_max`, as NaN in the other numbers that are required, and as missing elsewhere.
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD, TF_MESSAGE, TYPESTORE, WIFI_SCAN
 from wayfi.recordings.ros.ros_measurements import MAX_BEAMS, MAX_FIELDS, MAX_READINGS, MAX_TRANSFORMS, check_count
@@ -36,6 +37,8 @@ REQUIRED: dict[str, frozenset[str]] = {
     ),
 }
 INFINITE_WHERE_NULL = frozenset({"range_max", "ranges"})  # JavaScript writes infinity as null
+TIME = "builtin_interfaces/msg/Time"
+MOST_SECONDS = 2**31  # of a time, whose `sec` is an int32
 ROS1_NAMES = {"sec": "secs", "nanosec": "nsecs"}  # of a time; rosbridge keeps them
 MAX_ENTRIES = {
     "ranges": MAX_BEAMS,
@@ -56,8 +59,10 @@ def message_of_json(data: bytes, type_name: str) -> Message:
     not JSON.
     """
     check_count("commas", data.count(b","), MAX_COMMAS)
-    text = data.decode(json.detect_encoding(data), "replace")
-    return _message(json.loads(text, strict=False), type_name, "", REQUIRED[type_name])
+    text = data.decode(json.detect_encoding(data), "replace").rstrip("\0")  # which ends texts in C
+    value = json.loads(text, strict=False)
+    sent = value.get("msg") if isinstance(value, dict) and "op" in value else None  # as rosbridge wraps messages
+    return _message(sent or value, type_name, "", REQUIRED[type_name])
 
 
 def json_of_message(message: Message, type_name: str) -> bytes:
@@ -66,6 +71,8 @@ def json_of_message(message: Message, type_name: str) -> bytes:
 
 
 def _message(value: object, type_name: str, path: str, required: frozenset[str]) -> Message:
+    if type_name == TIME:
+        value = _time(value)
     if not isinstance(value, dict):
         raise CodecError(f"{path or 'the message'} is {_kind(value)}, not a JSON object")
     values: list[Any] = []
@@ -79,6 +86,17 @@ def _message(value: object, type_name: str, path: str, required: frozenset[str])
         else:
             values.append(_default(description, field_path, required))
     return TYPESTORE.types[type_name](*values)
+
+
+def _time(value: object) -> object:
+    """A time that is a number of seconds, or whose `sec` has a fraction, in whole numbers; any other as it is."""
+    seconds = _number(value.get("sec", value.get("secs")) if isinstance(value, dict) else value)
+    if isinstance(value, dict) and not (isinstance(seconds, float) and not seconds.is_integer()):
+        return value
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not abs(seconds) < MOST_SECONDS:
+        return value
+    sec, nanosec = divmod(round(seconds * SECOND_NS), SECOND_NS)
+    return {"sec": sec, "nanosec": nanosec}
 
 
 def _default(description: Description, path: str, required: frozenset[str]) -> object:

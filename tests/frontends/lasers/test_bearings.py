@@ -66,6 +66,18 @@ def test_a_number_that_cannot_be_right_is_corrected(start: float, step: float, e
     assert found.fault
 
 
+@pytest.mark.parametrize("start", [-3.0, 0.5, 1.0, 2.0])
+def test_an_angle_max_that_is_a_turn_off_in_a_fragment_leaves_its_beginning(start: float) -> None:
+    found = bearings_of(scan(start, 0.03, start + 6.28, 36))
+    assert (found.start, found.step) == (start, 0.03)
+
+
+def test_a_narrow_view_in_degrees_is_converted() -> None:
+    found = bearings_of(scan(-10.0, math.radians(0.5), 10.0, 41))
+    assert found.start == pytest.approx(math.radians(-10.0))
+    assert "degrees" in found.fault
+
+
 @pytest.mark.parametrize(
     ("start", "step", "end"),
     [

@@ -144,3 +144,14 @@ def test_no_lz4_frame_is_too_broken() -> None:
             broken[at] = value
             sound_beginning(bytes(broken), 12_000)
         sound_beginning(frame[:at], 12_000)
+
+
+def test_a_recording_that_is_appended_is_told_with_what_takes_it_out(sound: Path) -> None:
+    one = sound.read_bytes()
+    sound.write_bytes(one + one)
+    recording = open_recording(sound)
+    assert list(recording) == RECORDS
+    (told,) = recording.warnings
+    assert f"tail -c +{len(one) + 1} sound.mcap" in told
+    sound.write_bytes(one + bytes(64))
+    assert not open_recording(sound).warnings

@@ -59,8 +59,7 @@ def test_json_of_a_phone_needs_only_what_matters() -> None:
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        (["header", "stamp", "sec"], 1.5),
-        (["header", "stamp", "sec"], "1.5"),
+        (["header", "stamp", "sec"], 1e12 + 0.5),
         (["header", "stamp", "sec"], "soon"),
         (["header", "stamp", "sec"], None),
         (["header", "stamp", "sec"], "1_000"),
@@ -68,6 +67,10 @@ def test_json_of_a_phone_needs_only_what_matters() -> None:
         (["header", "stamp", "sec"], -1),
         (["header", "stamp", "nanosec"], 10**9),
         (["header", "stamp"], None),
+        (["header", "stamp"], True),
+        (["header", "stamp"], "noon"),
+        (["header", "stamp"], 1.7e12),
+        (["header", "stamp"], 10**400),
         (["header", "frame_id"], 3),
         (["readings"], {}),
         (["readings", 0], []),
@@ -88,6 +91,38 @@ def test_wrong_json_values_are_codec_errors(path: list[Any], value: object) -> N
     inner[path[-1]] = value
     with pytest.raises(CodecError):
         decode(json.dumps(message).encode(), Sensor.WIFI, Encoding.JSON)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "stamp_ns"),
+    [
+        (12.5, 12_500_000_000),
+        (12, 12_000_000_000),
+        ("12.5", 12_500_000_000),
+        ({"sec": 12.5}, 12_500_000_000),
+        ({"secs": "12.5", "nsecs": 0}, 12_500_000_000),
+        ({"sec": 12.0, "nanosec": 5}, 12_000_000_005),
+        ({"sec": 12.9999999999, "nanosec": 0}, 13_000_000_000),
+    ],
+)
+def test_a_time_may_be_seconds_with_a_fraction(stamp: object, stamp_ns: int) -> None:
+    data = json.dumps({"header": {"stamp": stamp}, "readings": []}).encode()
+    assert decode(data, Sensor.WIFI, Encoding.JSON).stamp_ns == stamp_ns
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        json.dumps({"op": "publish", "topic": "/wifi", "msg": WIFI_JSON}).encode(),
+        json.dumps(WIFI_JSON).encode() + b"\0",
+        json.dumps(WIFI_JSON).encode() + b"\n\0\0",
+    ],
+    ids=["rosbridge", "C string", "filled up"],
+)
+def test_what_lies_around_a_message_is_left_out(data: bytes) -> None:
+    scan = decode(data, Sensor.WIFI, Encoding.JSON)
+    assert isinstance(scan, WifiScan)
+    assert (scan.stamp_ns, scan.receiver) == (12_000_000_005, "phone")
 
 
 @pytest.mark.parametrize("path", [["header"], ["readings"], ["readings", 0, "bssid"], ["readings", 0, "rssi"]])
