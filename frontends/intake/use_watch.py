@@ -30,9 +30,10 @@ class UseWatch:
 
     def add_sweep(self, stamp_ns: int, name: str, sweep: Sweep, sees: bool) -> Iterator[Event]:
         """Note whether a laser's sweep `sees` anything within the limits."""
-        if isinstance(sweep, LaserScan):
-            text = "" if sees else why_no_return(sweep, self._config.max_range_m)
-            yield from self._judge(stamp_ns, name, LIMITS, text)
+        text, furthest_m = "", self._config.max_range_m
+        if not sees:
+            text = why_no_return(sweep, furthest_m) if isinstance(sweep, LaserScan) else why_no_point(sweep, furthest_m)
+        yield from self._judge(stamp_ns, name, LIMITS, text)
 
     def judge(self, stamp_ns: int, name: str, sweep: Sweep, placed: PlacedScan | None) -> Iterator[Event]:
         """Note whether a keyframe's sweep, as `placed`, has enough points to be matched."""

@@ -33,7 +33,7 @@ def why_no_point(cloud: PointCloud, max_range_m: float) -> str:
     """Why no point of a cloud is near enough to be used, and off the robot itself."""
     away_m = np.linalg.norm(cloud.points[np.isfinite(cloud.points).all(axis=1)].astype(np.float64), axis=1)
     if len(away_m) == 0:
-        return "none of its points is finite"
+        return "none of its points is finite" if len(cloud.points) else "its clouds hold no points"
     nearest, furthest = float(away_m.min()), float(away_m.max())
     seen = f"none of its points can be used: they are between {nearest:.2f} and {furthest:.2f} m away"
     return f"{seen}, lidar.max_range_m is {max_range_m:g} m; are they in metres?"

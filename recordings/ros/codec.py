@@ -48,7 +48,7 @@ def decode(data: bytes, sensor: Sensor, encoding: Encoding) -> Measurement:
     nothing else, for malformed data.
     """
     if not data:
-        raise CodecError(f"a {TYPE_OF_SENSOR[sensor]} of no bytes")
+        raise CodecError(f"malformed {TYPE_OF_SENSOR[sensor]}: no bytes")
     encoding = Encoding(encoding_of(data, encoding))
     try:
         if encoding is Encoding.JSON:

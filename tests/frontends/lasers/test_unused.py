@@ -39,6 +39,7 @@ def test_points_that_are_too_far_or_none() -> None:
     assert "between 3000.00 and 4000.00 m away, lidar.max_range_m is 25 m" in why_no_point(cloud, 25.0)
     nothing = PointCloud(0, "lidar", np.full((3, 3), np.nan, np.float32))
     assert why_no_point(nothing, 25.0) == "none of its points is finite"
+    assert why_no_point(PointCloud(0, "lidar", np.empty((0, 3), np.float32)), 25.0) == "its clouds hold no points"
 
 
 def test_few_points() -> None:

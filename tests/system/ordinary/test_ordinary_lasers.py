@@ -168,3 +168,14 @@ def test_clouds_outside_of_the_height_band_are_told_with_their_heights(
     told = run(clouds).told
     assert "height band, between 0.2 and 1.8 m" in told
     assert f"its points are between {seen}" in told
+
+
+@pytest.mark.parametrize(
+    ("points", "told"), [(0, "its clouds hold no points"), (3, "none of its points is finite")], ids=["empty", "NaN"]
+)
+def test_clouds_without_any_point_are_told(front: Drive, points: int, told: str) -> None:
+    def as_cloud(m: Measurement) -> Measurement:
+        nothing = np.full((points, 3), np.nan, np.float32)
+        return PointCloud(m.stamp_ns, m.frame_id, nothing) if isinstance(m, LaserScan) else m
+
+    assert told in run(Drive([as_cloud(m) for m in front.measurements], front.truth)).told
