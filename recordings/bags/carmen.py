@@ -87,7 +87,7 @@ class CarmenLog:
         self.counts: Counter[Channel] = Counter()
         self.start_ns: int | None = None
         self.end_ns: int | None = None
-        self._unread = 0
+        self._unread = self._raw = 0
         self._has_odometry = False
         self._parameters: dict[str, float] = {}
         self._offsets: dict[Laser, list[Pose2]] = {}
@@ -99,6 +99,8 @@ class CarmenLog:
     @property
     def warning(self) -> str | None:
         """How many lines could not be read, in one line."""
+        if self._raw and not self._offsets:
+            return f"{self.path.name}: its {self._raw} RAWLASER1 lines are not read; log FLASER or ROBOTLASER1 as well"
         if not self._unread:
             return None
         return f"{self.path.name} is damaged: {self._unread} lines cannot be read; used the others"
@@ -149,6 +151,7 @@ class CarmenLog:
         if text.startswith(b"PARAM "):
             self._learn(text.split())
             return []
+        self._raw += text.startswith(b"RAWLASER1 ")
         line = line_of(text)
         if line is None:
             self._unread += text.split(b" ", 1)[0] in NAMES

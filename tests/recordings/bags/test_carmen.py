@@ -97,3 +97,13 @@ def test_broken_lines_are_counted_and_told(tmp_path: Path) -> None:
     read(tmp_path / "a.log", *broken, "ODOM 1 2 0 0 0 0 1.0 host 1.0", "ODOM 1 nan 0 0 0 0 1.0 host 1.0")
     (line,) = open_any_recording(tmp_path / "a.log").warnings
     assert "4 lines cannot be read" in line
+
+
+def test_raw_laser_lines_are_told_where_there_are_no_others(tmp_path: Path) -> None:
+    path, odom = tmp_path / "raw.log", "ODOM 1.5 -2 0.5 0.1 0 0 100.25 host 7.25"
+    raw = f"RAWLASER1 0 -1.57 3.14 0.0174 80 0.01 0 180 {RANGES} 0 100.5 host 7.5"
+    path.write_text(f"{odom}\n{raw}\n")
+    (told,) = open_any_recording(path).warnings
+    assert "its 1 RAWLASER1 lines are not read" in told
+    path.write_text(f"{odom}\n{raw}\n{flaser('1.6 -2 0.5', '1.5 -2 0.5')}\n")
+    assert not open_any_recording(path).warnings
