@@ -136,7 +136,9 @@ class BearingsCheck:
         if bearings.step is None:
             return None, bearings.fault
         if not bearings.other:
-            return replace(scan, angle_min=bearings.start, angle_increment=bearings.step), bearings.fault
+            if (bearings.start, bearings.step) != (scan.angle_min, scan.angle_increment):
+                scan = replace(scan, angle_min=bearings.start, angle_increment=bearings.step)
+            return scan, bearings.fault
         if self._chosen is None:
             self._compare(scan, bearings.start, bearings.step, bearings.other)
             self._choose()

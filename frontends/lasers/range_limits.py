@@ -43,6 +43,8 @@ class RangeUnit:
 
     def check(self, scan: LaserScan) -> tuple[LaserScan, str]:
         """The scan in metres, and what is wrong with its unit, empty where nothing is."""
+        if self.metres == 1.0 and not (np.isfinite(scan.ranges) & (scan.ranges > FAR_M)).any():
+            return scan, ""
         returns = _returns(scan.ranges)
         if len(returns) >= LEAST_RETURNS:
             far = float(np.median(returns)) > (FAR_M if self.metres == 1.0 else STILL_FAR_M)

@@ -4,8 +4,6 @@ import math
 from collections import deque
 from dataclasses import replace
 
-import numpy as np
-
 from wayfi.frontends.lasers.bearings import DRIVER, TURN_RAD
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS, LaserScan
 
@@ -43,7 +41,8 @@ class SweepTime:
     def _between_s(self, scan: LaserScan) -> float | None:
         """The time between scans by their stamps, at first what the driver says of it; None while nothing tells."""
         if len(self._steps_ns) >= ENOUGH_STEPS:
-            return float(np.median(self._steps_ns)) * NANOSECOND_S
+            steps_ns, last = sorted(self._steps_ns), len(self._steps_ns) - 1
+            return 0.5 * (steps_ns[last // 2] + steps_ns[(last + 1) // 2]) * NANOSECOND_S
         stated_s = scan.scan_time_s
         return stated_s if stated_s is not None and 0.0 < stated_s < math.inf else None
 

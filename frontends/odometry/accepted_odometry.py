@@ -66,7 +66,8 @@ class AcceptedOdometry:
         if switched or converted or integrated == ENDS:
             self.path.restart()
         told = switched or integrated or converted or self._tell_if_headless(pose)
-        return replace(self._add(replace(m, pose=pose), Sensor.ODOM), told=told)
+        accepted = self._add(m if pose is m.pose else replace(m, pose=pose), Sensor.ODOM)
+        return replace(accepted, told=told) if told else accepted
 
     def follow_transform(self, m: Odometry) -> Accepted:
         """Add a pose by /tf, which leads, to the path, unless it has to be dropped."""
