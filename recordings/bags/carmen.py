@@ -6,13 +6,10 @@ does. FLASER and ROBOTLASER1 become `/scan`, RLASER and ROBOTLASER2 `/rear_scan`
 """
 
 import math
-from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Attachment
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
@@ -23,6 +20,7 @@ from wayfi.frontends.measurements import (
     StaticTransforms,
     Transform,
 )
+from wayfi.recordings.bags.bag_part import BagPart
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.codec_error import CodecError
@@ -73,7 +71,7 @@ class Sweep:
     laser: Pose2
 
 
-class CarmenLog:
+class CarmenLog(BagPart):
     """The messages of the log at `path`, in blocks of consecutive lines.
 
     Raises RecordingError if the file cannot be read.
@@ -82,11 +80,7 @@ class CarmenLog:
     profile = "carmen"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.blocks: list[Block] = []
-        self.counts: Counter[Channel] = Counter()
-        self.start_ns: int | None = None
-        self.end_ns: int | None = None
+        super().__init__(path)
         self._unread = self._raw = 0
         self._has_odometry = False
         self._parameters: dict[str, float] = {}
@@ -116,10 +110,6 @@ class CarmenLog:
             records += self._records(text)
         return records
 
-    def attachments(self) -> Iterator[Attachment]:
-        """None: a log has no attachments."""
-        return iter(())
-
     def _read_once(self) -> None:
         """Find the blocks, and what the first messages depend on: the lasers' places, and whether there is odometry."""
         offset = start = 0
@@ -138,8 +128,6 @@ class CarmenLog:
             self.counts[ODOM] = sum(self.counts[laser.channel] for laser in self._offsets)
         if self._offsets:
             self.counts[MOUNTS] = 1
-        self.start_ns = min((block.start_ns for block in self.blocks), default=None)
-        self.end_ns = max((block.end_ns for block in self.blocks), default=None)
 
     def _end_block(self, start: int, offset: int, times_ns: list[int]) -> int:
         if times_ns:

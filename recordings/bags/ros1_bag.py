@@ -6,16 +6,14 @@ connections that say what their topics are. Format: wiki.ros.org/Bags/Format/2.0
 
 import bz2
 import struct
-from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import lz4.frame
-from mcap.records import Attachment
 
 from wayfi.frontends.measurements import SECOND_NS
+from wayfi.recordings.bags.bag_part import BagPart
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError, read_bytes
 from wayfi.recordings.mcap.chunks import LARGEST_SALVAGED_BYTES
 from wayfi.recordings.mcap.layout import Bytes
@@ -82,7 +80,7 @@ def fields_of(header: bytes) -> dict[bytes, bytes] | None:
     return fields if at == len(header) else None
 
 
-class Ros1Bag:
+class Ros1Bag(BagPart):
     """The messages of the bag at `path`, in blocks that are its chunks. Every chunk is read once at the beginning.
 
     Raises RecordingError if the file cannot be read.
@@ -91,11 +89,7 @@ class Ros1Bag:
     profile = ROS1
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.blocks: list[Block] = []
-        self.counts: Counter[Channel] = Counter()
-        self.start_ns: int | None = None
-        self.end_ns: int | None = None
+        super().__init__(path)
         self._damage: dict[int, str] = {}
         self._cut = False
         self._connections: dict[int, Channel] = {}
@@ -138,10 +132,6 @@ class Ros1Bag:
             self._damage.setdefault(block.offset, f"{unread} bytes of a chunk cannot be read")
         return records
 
-    def attachments(self) -> Iterator[Attachment]:
-        """None: a bag has no attachments."""
-        return iter(())
-
     def _scan(self, data: Bytes) -> None:
         offset = len(MAGIC)
         while offset < len(data):
@@ -183,8 +173,6 @@ class Ros1Bag:
             compressed = block.compression, block.size
             blocks.append(Block(block.offset, block.length, min(times_ns), max(times_ns), *compressed, cut=block.cut))
         self.blocks = blocks
-        self.start_ns = min((block.start_ns for block in blocks), default=None)
-        self.end_ns = max((block.end_ns for block in blocks), default=None)
 
     def _messages(self, found: BagRecord, data: bytes) -> list[Record]:
         """The message of a record, if it is one of a known connection."""

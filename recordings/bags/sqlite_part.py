@@ -1,15 +1,13 @@
 """A rosbag2 database (.db3), as far as it can be read."""
 
 import sqlite3
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from mcap.records import Attachment
-
+from wayfi.recordings.bags.bag_part import BagPart
 from wayfi.recordings.mcap.blocks import Block, Record, RecordingError
 from wayfi.recordings.ros.topics import Channel
 
@@ -22,7 +20,7 @@ _COLUMNS = "id, topic_id, timestamp"
 Row = tuple[Any, ...]
 
 
-class SqlitePart:
+class SqlitePart(BagPart):
     """The messages of the database at `path`, in blocks of consecutive rows.
 
     Raises RecordingError if its topics cannot be read.
@@ -31,11 +29,7 @@ class SqlitePart:
     profile = "ros2"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.blocks: list[Block] = []
-        self.counts: Counter[Channel] = Counter()
-        self.start_ns: int | None = None
-        self.end_ns: int | None = None
+        super().__init__(path)
         self._damage = ""
         self._topics: dict[int, Channel] = {}
         try:
@@ -63,10 +57,6 @@ class SqlitePart:
             return []
         sound = [row for row in rows if _is_sound(row, self._topics) and isinstance(row[3], bytes)]
         return [Record(*self._topics[topic], log_time_ns, data) for _, topic, log_time_ns, data in sound]
-
-    def attachments(self) -> Iterator[Attachment]:
-        """None: a database has no attachments."""
-        return iter(())
 
     def _open(self) -> sqlite3.Connection:
         """The database, read only; a log of changes beside it that cannot be read is ignored."""
@@ -119,8 +109,6 @@ class SqlitePart:
             times_ns = [row[2] for row in some]
             self.blocks.append(Block(some[0][0], some[-1][0] + 1 - some[0][0], min(times_ns), max(times_ns)))
         self.counts.update(self._topics[row[1]] for row in rows)
-        self.start_ns = min((block.start_ns for block in self.blocks), default=None)
-        self.end_ns = max((block.end_ns for block in self.blocks), default=None)
 
 
 def _is_sound(row: Row, topics: dict[int, Channel]) -> bool:

@@ -17,7 +17,10 @@ class Blocks(Protocol):
     """Blocks of records, in the order of the file, and the latest of their log times."""
 
     blocks: list[Block]
-    end_ns: int | None
+
+    @property
+    def end_ns(self) -> int | None:
+        """The last log time; None without messages."""
 
     def records(self, block: Block) -> list[Record]:
         """The messages of `block` in file order."""

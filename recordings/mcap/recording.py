@@ -28,8 +28,14 @@ class Part(Protocol):
     profile: str
     blocks: list[Block]
     counts: Counter[Channel]
-    start_ns: int | None
-    end_ns: int | None
+
+    @property
+    def start_ns(self) -> int | None:
+        """The first log time; None without messages."""
+
+    @property
+    def end_ns(self) -> int | None:
+        """The last log time; None without messages."""
 
     @property
     def warning(self) -> str | None:
