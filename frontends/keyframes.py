@@ -1,6 +1,7 @@
 """The keyframes: when one is due, where each stands on the driven path, and the scan it holds."""
 
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,9 @@ class Keyframes:
 
     def __getitem__(self, number: int) -> Keyframe:
         return self._keyframes[number]
+
+    def __iter__(self) -> Iterator[Keyframe]:
+        return iter(self._keyframes)
 
     @property
     def newest(self) -> Keyframe:

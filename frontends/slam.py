@@ -4,7 +4,6 @@ from copy import deepcopy
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
@@ -17,28 +16,28 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_closer import WifiCloser
-from wayfi.frontends.events import Event, FingerprintAdded, GridRedrawn, KeyframeAdded, SubmapMatched
+from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, points_of
+from wayfi.frontends.events import Event, KeyframeAdded, SubmapMatched
 from wayfi.frontends.graph_estimate import GraphEstimate
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
+from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
-from wayfi.frontends.scan_points import PlacedScan, ScanPoints
+from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
-from wayfi.frontends.wifi.fingerprint_index import Similar
-from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on others, rarely three times in a row
-NO_HITS: NDArray[np.float32] = np.empty((0, 2), np.float32)
 
 
 class SlamCore:
@@ -115,7 +114,7 @@ class SlamCore:
                 return []
             similar = self._wifi.similar(fingerprint)
             candidate = self._wifi.candidate(fingerprint, similar)
-        events: list[Event] = [_fingerprint_event(fingerprint, similar)]
+        events: list[Event] = [fingerprint_event(fingerprint, similar)]
         with self._timer("closure"):
             if candidate is not None:
                 events += self._check(candidate, stamp_ns)
@@ -128,7 +127,7 @@ class SlamCore:
             return []
         with self._timer("map"):
             grid = self._grid.redraw(self.poses)
-        return [_grid_event(stamp_ns, grid)]
+        return [grid_event(stamp_ns, grid)]
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
@@ -169,10 +168,12 @@ class SlamCore:
         if not self.has_keyframes:
             return []
         keyframes: list[Event] = [
-            KeyframeAdded(k, self.keyframes[k].point.stamp_ns, Pose2.of(pose), _points(self.keyframes[k].scan), np.nan)
+            KeyframeAdded(
+                k, self.keyframes[k].point.stamp_ns, Pose2.of(pose), points_of(self.keyframes[k].scan), np.nan
+            )
             for k, pose in enumerate(self.poses)
         ]
-        return [*keyframes, _grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
+        return [*keyframes, grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
@@ -180,15 +181,30 @@ class SlamCore:
         with self._timer("map"):
             grid = self._grid.settle(self.poses)
         stamps_ns = trajectories.stamps_ns()
-        events.append(_grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
+        events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
         calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
         points = [self.keyframes[k].point for k in range(len(self.keyframes))]
         final = trajectories.final(points, self.poses, calibration.wheels.values, self.keyframes.moved_to)
-        result = DriveEstimate(
-            stamps_ns, final, trajectories.online(), self.poses.copy(), self._graph.factors(), calibration, grid,
-            self._wifi.fingerprints, self._wifi.places(self.poses),
+        return DriveEstimate(stamps_ns, final, trajectories.online(), self._building(calibration, grid)), events
+
+    def _building(self, calibration: Calibration, grid: OccupancyGrid) -> BuildingMap:
+        """The map that the drive has made so far, with `grid` drawn from it."""
+        keyframes = [
+            MapKeyframe(k.point.stamp_ns, float(path_m), k.scan, hits)
+            for k, path_m, hits in zip(self.keyframes, self.keyframes.paths_m, self._grid.hits(), strict=True)
+        ]
+        factors = self._lidar_closer.factors() | self._wifi_closer.claims.factors()
+        return BuildingMap(
+            keyframes, self.poses.copy(), self._graph.factors(),
+            [MapClosure(judged, factors.get(judged.closure, ())) for judged in self._verdicts],
+            self._map_fingerprints(), self._wifi.weights(), calibration, grid, tuple(self.keyframes.moved_to),
         )  # fmt: skip
-        return result, events
+
+    def _map_fingerprints(self) -> list[MapFingerprint]:
+        return [
+            MapFingerprint(f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.path_m, f.readings)
+            for f in self._wifi.fingerprints
+        ]
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""
@@ -268,23 +284,8 @@ class SlamCore:
         """The events of the new keyframe, of the update of the graph, and of the match of its scan."""
         keyframe, T_map_base = self.keyframes[number], Pose2.of(self.poses[-1])
         ratio = tracked.match.inlier_ratio if tracked else np.nan
-        added = KeyframeAdded(number, keyframe.point.stamp_ns, T_map_base, _points(keyframe.scan), ratio)
+        added = KeyframeAdded(number, keyframe.point.stamp_ns, T_map_base, points_of(keyframe.scan), ratio)
         if tracked is None:
             return [added, *updated]
         submap = Pose2.of(self.poses[-2]).transform(tracked.submap)
         return [added, *updated, SubmapMatched(keyframe.point.stamp_ns, number, submap, T_map_base, ratio)]
-
-
-def _points(scan: ScanPoints | None) -> NDArray[np.float32]:
-    return NO_HITS if scan is None else scan.points.astype(np.float32)
-
-
-def _grid_event(stamp_ns: int, grid: OccupancyGrid) -> GridRedrawn:
-    return GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m)
-
-
-def _fingerprint_event(f: Fingerprint, similar: Similar) -> FingerprintAdded:
-    return FingerprintAdded(
-        f.number, f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.readings.bssids, f.readings.rssi,
-        similar.numbers, similar.similarity,
-    )  # fmt: skip

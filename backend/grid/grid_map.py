@@ -49,6 +49,10 @@ class GridMap:
         self._reach_m[number] = _reach_m(hits, self._config.max_range_m + math.hypot(*sensor_xy_m))
         self._new_scans += len(hits) > 0
 
+    def hits(self) -> list[Points]:
+        """The hits of each keyframe's scan, as they were added."""
+        return [scan.hits for scan in self._scans]
+
     @property
     def due(self) -> bool:
         """Whether a redraw is due: enough keyframes with scans have come since the last, more for a larger map."""

@@ -152,6 +152,10 @@ class LidarCloser:
         """
         return self._walls.get((candidate.a.keyframe, candidate.b.keyframe))
 
+    def factors(self) -> dict[int, tuple[int, ...]]:
+        """The number of the factor of each accepted closure."""
+        return {closure: (factor,) for closure, factor in self._accepted.items()}
+
     def review(self, poses: Floats) -> list[Event]:
         """Remove those of the newest accepted closures that the estimate contradicts, unless it is being replaced."""
         events: list[Event] = []

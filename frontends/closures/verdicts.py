@@ -1,5 +1,6 @@
 """The latest verdict on every loop candidate."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from wayfi.frontends.events import ClosureJudged, Event, Verdict
@@ -16,6 +17,9 @@ class Verdicts:
 
     def __getitem__(self, number: int) -> ClosureJudged:
         return self._judged[number]
+
+    def __iter__(self) -> Iterator[ClosureJudged]:
+        return iter(self._judged)
 
     def enter(self, judged: ClosureJudged) -> ClosureJudged:
         """Add a new candidate; returns it with the next number as its `closure`."""

@@ -53,6 +53,11 @@ class WifiClaims:
         """Every claim."""
         return self._claims
 
+    def factors(self) -> dict[int, tuple[int, ...]]:
+        """The numbers of the factors of each accepted claim, by the number of its verdict."""
+        held = {claim.number: (claim.factor, claim.walls) for claim in self._claims if claim.factor is not None}
+        return {number: tuple(n for n in numbers if n is not None) for number, numbers in held.items()}
+
     def recent(self) -> list[Claim]:
         """The newest claims, `window` of them at most."""
         return self._claims[-self._config.window :]

@@ -67,7 +67,7 @@ class WifiCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._prior, self._config = prior, config
         self._confirm, self._walls = confirm, walls
-        self._claims = WifiClaims(config, wifi)
+        self.claims = WifiClaims(config, wifi)
         self._refused = self._searched_with = 0
         self._trial: _Trial | None = None
         self._to_judge: list[Claim] = []
@@ -77,10 +77,10 @@ class WifiCloser:
         if not candidate.mutual:
             reason = "the earlier place sounds more like another one beside the later"
             return [self._enter(candidate, poses, "fingerprint", reason)]
-        claim = self._claims.add(len(self._verdicts), candidate)
+        claim = self.claims.add(len(self._verdicts), candidate)
         self._refused += 1
         shown = self._shown(stamp_ns, poses)
-        proposed_by = "sequence" if self._claims.continues(claim) else "fingerprint"
+        proposed_by = "sequence" if self.claims.continues(claim) else "fingerprint"
         judged = self._enter(candidate, poses, proposed_by, "the estimate does not make it likely")
         return [shown, self._accept_if_likely(claim, poses) or judged]
 
@@ -93,8 +93,8 @@ class WifiCloser:
         """
         if not self._search_due(last):
             return []
-        recent = self._claims.recent()
-        pairs = self._claims.pairs(recent)
+        recent = self.claims.recent()
+        pairs = self.claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
         headings = headings_of(self._graph.axes()[-self._config.window :], poses, self._config.no_axes)
         found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
@@ -119,10 +119,10 @@ class WifiCloser:
 
         `go_on` judges what is left, unless this is the `last` review.
         """
-        recent = self._claims.recent()
+        recent = self.claims.recent()
         if not recent or self._graph.restarts:
             return []
-        pairs = self._claims.pairs(recent)
+        pairs = self.claims.pairs(recent)
         far = self._are_far(pairs, poses)
         contradicted = [claim for claim, is_far in zip(recent, far, strict=True) if claim.factor is not None and is_far]
         events: list[Event] = [
@@ -135,7 +135,7 @@ class WifiCloser:
         self._to_judge = first + [claim for number, claim in open_ones.items() if number not in waiting]
         events += self.go_on(poses, len(self._to_judge) if last else JUDGED_AT_ONCE)
         events += self._end_trial()
-        self._claims.learn_sigma(pairs, poses)
+        self.claims.learn_sigma(pairs, poses)
         return events
 
     def go_on(self, poses: Floats, at_most: int = JUDGED_AT_ONCE) -> list[Event]:
@@ -146,7 +146,7 @@ class WifiCloser:
         judged = 0
         while self._to_judge and judged < at_most:
             claim = self._to_judge.pop(0)
-            if claim.factor is None and not self._are_far(self._claims.pairs([claim]), poses)[0]:
+            if claim.factor is None and not self._are_far(self.claims.pairs([claim]), poses)[0]:
                 judged += 1
                 accepted = self._accept_if_likely(claim, poses)
                 events += [accepted] if accepted else []
@@ -154,7 +154,7 @@ class WifiCloser:
 
     def withdraw_walls(self) -> None:
         """Take back what the laser added to accepted claims."""
-        for claim in self._claims.all():
+        for claim in self.claims.all():
             self._remove_walls(claim)
 
     def _remove_walls(self, claim: Claim) -> None:
@@ -190,7 +190,7 @@ class WifiCloser:
 
     def _posterior(self, claim: Claim, poses: Floats) -> float:
         """The probability that a claim is true, given the estimate, its covariance, and the share of true claims."""
-        pair, a, b = self._claims.pairs([claim]), claim.candidate.a, claim.candidate.b
+        pair, a, b = self.claims.pairs([claim]), claim.candidate.a, claim.candidate.b
         T_a_map = Pose2(0.0, 0.0, -poses[a.keyframe, 2])
         apart = T_a_map.transform(pair.apart(poses))[0]
         covariance = self._graph.place_covariance(a.keyframe, b.keyframe, b.place)
@@ -200,7 +200,7 @@ class WifiCloser:
         chi2 = apart @ np.linalg.solve(covariance, apart)
         variance = np.sqrt(np.linalg.det(covariance))
         ratio = float(likelihood_ratio(chi2, variance, driven_area(poses)))
-        share = self._claims.true_share()
+        share = self.claims.true_share()
         return share * ratio / (share * ratio + 1 - share)
 
     def _restart_from(self, found: Hypothesis, claims: list[Claim], poses: Floats) -> list[Event]:
@@ -225,13 +225,13 @@ class WifiCloser:
             return []
         self._trial = None
         self._graph.restart(trial.calibrations, trial.poses)
-        held = [claim for claim in self._claims.recent() if claim.factor is not None]
+        held = [claim for claim in self.claims.recent() if claim.factor is not None]
         return [self._remove(claim, "the turn bias found did not hold") for claim in held]
 
     def _accept(self, claim: Claim, poses: Floats, reason: str) -> ClosureJudged:
         """Add its factor; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
         a, b = claim.candidate.a, claim.candidate.b
-        factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self._claims.factor_sigma_m(claim))
+        factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self.claims.factor_sigma_m(claim))
         claim.factor = self._graph.add(factor)
         walls = self._walls(claim.candidate)
         claim.walls = self._graph.add(walls) if walls else None
@@ -266,7 +266,7 @@ class WifiCloser:
 
     def _shown(self, stamp_ns: int, poses: Floats) -> SequenceMatched:
         """The claims in a row that relate the newest two stretches."""
-        pairs = self._claims.pairs(self._claims.sequence())
+        pairs = self.claims.pairs(self.claims.sequence())
         residual_m = float(np.hypot(*pairs.apart(poses).T).mean())
         return SequenceMatched(
             stamp_ns, int(pairs.a[-1]), int(pairs.b[-1]), pairs.at_a(poses), pairs.at_b(poses), residual_m
@@ -280,10 +280,10 @@ class WifiCloser:
         a, b = candidate.a, candidate.b
         if walls := self._walls(candidate):
             known = Expected(walls.T_a_b, walls.covariance)
-            updated, _ = update_by_place(known, a.place, b.place, self._claims.sigma_m(candidate))
+            updated, _ = update_by_place(known, a.place, b.place, self.claims.sigma_m(candidate))
             return updated.T_a_b, updated.covariance
         heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
-        variance = self._claims.sigma_m(candidate) ** 2
+        variance = self.claims.sigma_m(candidate) ** 2
         return pose_of_common_place(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
 
     def _enter(self, candidate: WifiCandidate, poses: Floats, proposed_by: str, refused: str) -> ClosureJudged:

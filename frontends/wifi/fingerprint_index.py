@@ -72,6 +72,10 @@ class FingerprintIndex:
         """Set the (n,) `weights` of the access points `aps` (n,), each above 0."""
         self._weights[aps] = weights
 
+    def weights(self) -> dict[str, float]:
+        """The weight of each access point by its BSSID."""
+        return {bssid: float(self._weights[number]) for bssid, number in self._numbers.items()}
+
     def similar(self, number: int, before: int) -> Similar:
         """The `MOST_SIMILAR` to fingerprint `number` of the fingerprints below `before`, which is `number` at most.
 

@@ -110,11 +110,9 @@ class WifiFrontend:
         """Learn from the two fingerprints of an accepted candidate which access points agree."""
         self._access_points.confirm(candidate.a.number, candidate.b.number)
 
-    def places(self, poses: Floats) -> Floats:
-        """(m, 3) poses of all fingerprints in `map`, given the keyframes' (n, 3)."""
-        return np.array([(Pose2.of(poses[f.keyframe]) @ f.T_keyframe_base).array() for f in self.fingerprints]).reshape(
-            -1, 3
-        )
+    def weights(self) -> dict[str, float]:
+        """The present weight of each access point by its BSSID."""
+        return self._index.weights()
 
     def _measure_gap(self, fingerprint: Fingerprint) -> None:
         """Note the path since the receiver's last fingerprint."""

@@ -129,7 +129,7 @@ class Estimator:
     def _write_results(self, live: LiveDrive, dropped: Any, extra: Any) -> Written:  # noqa: ANN401 - as in Finish
         drive = live.drive
         result = drive.finish()
-        grid = result.grid
+        grid = result.building.grid
         drawn = GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m)
         self._outgoing.send(Update(map_cdr=map_message(drawn, self._config.map)))
         for topic, reasons in dropped.items():

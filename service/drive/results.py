@@ -10,9 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from wayfi.backend.pose2 import Floats
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.result import DriveEstimate
-from wayfi.frontends.wifi.fingerprints import Fingerprint
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.calibration_file import write_calibration
 from wayfi.recordings.files.g2o import write_g2o
@@ -41,13 +40,14 @@ def write_results(
     directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
+    building = estimate.building
     with drive.timer("files"):
         _write_estimate(directory, estimate)
         write_closures(directory / "closures.csv", drive.counters.verdicts.values())
-        write_radio(directory / "radio.csv", _radio(estimate.fingerprints, estimate.fingerprint_poses))
+        write_radio(directory / "radio.csv", _radio(building))
         write_text(directory / "config.toml", config_toml(drive.config))
-        write_calibration(directory / "calibration.toml", estimate.calibration)
-        write_map(directory, estimate.grid, drive.config.map, estimate.final[:, :2])
+        write_calibration(directory / "calibration.toml", building.calibration)
+        write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
@@ -66,19 +66,19 @@ def hash_of(paths: Sequence[Path]) -> str:
 def _write_estimate(directory: Path, estimate: DriveEstimate) -> None:
     write_tum(directory / "trajectory.tum", estimate.stamps_ns, estimate.final)
     write_tum(directory / "online.tum", estimate.stamps_ns, estimate.online)
-    _write_graph(directory / "graph.g2o", estimate)
+    _write_graph(directory / "graph.g2o", estimate.building)
     saved = directory / "map"
     saved.mkdir(exist_ok=True)
-    _write_graph(saved / "graph.g2o", estimate)
+    _write_graph(saved / "graph.g2o", estimate.building)
     write_text(saved / "manifest.json", json.dumps({"format": "wayfi-map", "version": MAP_FORMAT_VERSION}) + "\n")
 
 
-def _write_graph(path: Path, estimate: DriveEstimate) -> None:
-    write_g2o(path, estimate.keyframe_poses, estimate.factors.values(), estimate.calibration.wheels.values)
+def _write_graph(path: Path, building: BuildingMap) -> None:
+    write_g2o(path, building.poses, building.factors.values(), building.calibration.wheels.values)
 
 
-def _radio(fingerprints: list[Fingerprint], poses: Floats) -> Iterator[RadioPlace]:
-    for f, pose in zip(fingerprints, poses, strict=True):
+def _radio(building: BuildingMap) -> Iterator[RadioPlace]:
+    for f, pose in zip(building.fingerprints, building.fingerprint_poses(), strict=True):
         yield RadioPlace(f.stamp_ns, float(pose[0]), float(pose[1]), f.receiver, f.readings.bssids, f.readings.rssi)
 
 

@@ -171,13 +171,14 @@ class Slam:
         first_ns, last_ns = self._stamps_ns or (0, 0)
         warnings = [self._rrd.warning] if self._rrd and self._rrd.warning else []
         source = Source(time.monotonic() - self._begun_s, (last_ns - first_ns) / SECOND_NS, "", warnings)
-        grid = ended.grid
+        building = ended.building
+        grid = building.grid
         return Result(
             Trajectory(ended.stamps_ns, ended.final),
             Trajectory(ended.stamps_ns, ended.online),
             [closure_row(verdict) for verdict in drive.counters.verdicts.values()],
             trinary(grid.probability(), grid.resolution_m, grid.origin_xy_m, drive.config.map),
-            ended.calibration,
+            building.calibration,
             report_of(drive, source),
             partial(write_results, drive=drive, estimate=ended, source=source),
             self._rrd_path,

@@ -26,8 +26,11 @@ def test_the_grid_is_redrawn_as_the_drive_goes_and_exact_at_its_end(minute: Simu
     known = [(event.occupancy != 0.5).sum() for event in live]
     assert (np.diff(known) > 0).all()
     (final,) = (event for event in last if isinstance(event, GridRedrawn))
-    np.testing.assert_array_equal(final.occupancy, result.grid.probability())
-    assert (final.resolution_m, final.origin_xy_m) == (result.grid.resolution_m, result.grid.origin_xy_m)
+    np.testing.assert_array_equal(final.occupancy, result.building.grid.probability())
+    assert (final.resolution_m, final.origin_xy_m) == (
+        result.building.grid.resolution_m,
+        result.building.grid.origin_xy_m,
+    )
 
 
 def test_a_redrawn_grid_follows_the_pose_of_its_moment(minute: Simulated) -> None:

@@ -80,7 +80,7 @@ def same(one: DriveEstimate, other: DriveEstimate) -> bool:
             (one.stamps_ns, other.stamps_ns),
             (one.online, other.online),
             (one.final, other.final),
-            (one.grid.probability(), other.grid.probability()),
+            (one.building.grid.probability(), other.building.grid.probability()),
         )
     )
 
