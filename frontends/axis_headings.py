@@ -39,7 +39,7 @@ class AxisHeadings:
             self._axes, self._start = BuildingAxes(float(poses[-1, 2]), known, self._config), number - 1
         self._axes.add(motion, variance)
         settled = self._axes.settled()
-        if settled and self._newest_wing > self._wings and not self._graph.axes():
+        if settled and self._newest_wing > self._wings and not self._graph.of_kind(AxisFactor):
             self.interrupt()  # they were withdrawn
             return
         for along in settled:
@@ -73,7 +73,7 @@ class AxisHeadings:
             return
         values = self._graph.calibration_values().copy()
         values[1:3] = turning
-        motions = [factor.motion for factor in self._graph.wheels()]
+        motions = [factor.motion for factor in self._graph.of_kind(WheelFactor)]
         rows = np.array([(*motion.pose.array(), motion.path_m, motion.seconds) for motion in motions])
         self._graph.restart(values, chain(corrected_all(rows, values)))
 

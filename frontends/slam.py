@@ -195,7 +195,7 @@ class SlamCore:
         ]
         factors = self._lidar_closer.factors() | self._wifi_closer.claims.factors()
         return BuildingMap(
-            keyframes, self.poses.copy(), self._graph.factors(),
+            keyframes, self.poses.copy(), self._graph.calibrations_along(), self._graph.factors(),
             [MapClosure(judged, factors.get(judged.closure, ())) for judged in self._verdicts],
             self._map_fingerprints(), self._wifi.weights(), calibration, grid, tuple(self.keyframes.moved_to),
         )  # fmt: skip

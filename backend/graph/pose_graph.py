@@ -11,7 +11,7 @@ updates, so that none takes long; until it is done, the estimate stays as it was
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from wayfi.backend.graph.rebuild import Rebuild, continued
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 
+F = TypeVar("F", bound=Factor)
 REBUILD_WORK = 1500  # of a rebuild in one update, counted in factors prepared: 20 to 40 ms
 
 
@@ -147,8 +148,7 @@ class PoseGraph:
     @property
     def pending(self) -> bool:
         """Whether the next update may move earlier poses: a loop closure is queued, a removal or a restart."""
-        changes = bool(self._removed) or self.restarts
-        return changes or any(moves_earlier(self._factors[n]) for n in self._queued)
+        return bool(self._removed) or self.restarts or any(moves_earlier(self._factors[n]) for n in self._queued)
 
     @property
     def restarts(self) -> bool:
@@ -256,12 +256,16 @@ class PoseGraph:
         return WheelCalibration(self.calibration_values(), self._isam.calibration_sigmas())
 
     def calibration_values(self) -> Floats:
-        """(4,) the wheels' calibration on the newest stretch without its sigmas, which take longer."""
+        """Its (4,) values without the sigmas, which take longer."""
         return self._isam.calibration_values()
 
     def calibrations(self) -> Floats:
         """(k, 4) the wheels' calibration on each stretch of the path."""
         return self._isam.calibrations()
+
+    def calibrations_along(self) -> Floats:
+        """(n, 4) the wheels' calibration on the stretch of each keyframe."""
+        return self._chain.at_keyframes(self.calibrations())
 
     def covariance(self, keyframe: int) -> Floats:
         """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
@@ -279,13 +283,9 @@ class PoseGraph:
         covariance: Floats = J @ self.relative_covariance(a, b) @ J.T
         return covariance
 
-    def wheels(self) -> list[WheelFactor]:
-        """The wheel factors in the order in which they were added."""
-        return [factor for factor in self._factors.values() if isinstance(factor, WheelFactor)]
-
-    def axes(self) -> list[AxisFactor]:
-        """The factors of the building's axes in the order in which they were added."""
-        return [factor for factor in self._factors.values() if isinstance(factor, AxisFactor)]
+    def of_kind(self, kind: type[F]) -> list[F]:
+        """The factors of a kind in the order in which they were added."""
+        return [factor for factor in self._factors.values() if isinstance(factor, kind)]
 
     def scan_matched(self) -> NDArray[np.bool_]:
         """(n - 1,) whether a scan match relates each keyframe to the next."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import BetweenFactor, NearFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
@@ -96,7 +96,7 @@ class WifiCloser:
         recent = self.claims.recent()
         pairs = self.claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
-        headings = headings_of(self._graph.axes()[-self._config.window :], poses, self._config.no_axes)
+        headings = headings_of(self._graph.of_kind(AxisFactor)[-self._config.window :], poses, self._config.no_axes)
         found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
@@ -256,7 +256,7 @@ class WifiCloser:
 
     def _motions(self) -> Floats:
         """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
-        wheels = self._graph.wheels()
+        wheels = self._graph.of_kind(WheelFactor)
         return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
 
     def _matched(self, poses: Floats) -> Floats:

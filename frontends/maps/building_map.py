@@ -54,13 +54,15 @@ class MapClosure:
 class BuildingMap:
     """A map: keyframe k, closure k and fingerprint k are number k of their lists; `poses` (n, 3) are T_map_base.
 
-    `factors` is the graph by the numbers of its factors. The relative pose of the keyframes before and after each of
-    `pieces` is known by closures alone. `weights` tells of each BSSID how well it predicts place. The factors of the
-    closures in `vetoed` are kept, but take no part in the graph.
+    `calibrations` (n, 4) are those of the wheels on the way to each keyframe, `factors` is the graph by the numbers of
+    its factors. The relative pose of the keyframes before and after each of `pieces` is known by closures alone.
+    `weights` tells of each BSSID how well it predicts place. The factors of the closures in `vetoed` are kept, but take
+    no part in the graph.
     """
 
     keyframes: Sequence[MapKeyframe]
     poses: Floats
+    calibrations: Floats
     factors: Mapping[int, Factor]
     closures: Sequence[MapClosure]
     fingerprints: Sequence[MapFingerprint]

@@ -5,7 +5,7 @@ import pytest
 from graphs import PRIOR, WHEELS
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
@@ -38,23 +38,23 @@ def test_a_straight_drive_is_straightened_within_fifty_metres() -> None:
     graph = driven(AxesConfig(enabled=True), 100)
     assert graph.calibration_values()[2] == pytest.approx(BIAS, abs=0.005)
     assert abs(graph.poses()[-1, 2]) < 0.15
-    assert len(graph.axes()) > 10
+    assert len(graph.of_kind(AxisFactor)) > 10
 
 
 def test_what_scans_tell_is_left_to_them() -> None:
-    assert driven(AxesConfig(enabled=True), 100, matched_every=10).axes() == []
+    assert driven(AxesConfig(enabled=True), 100, matched_every=10).of_kind(AxisFactor) == []
 
 
 def test_it_can_be_switched_off() -> None:
     graph = driven(AxesConfig(enabled=False), 100)
-    assert graph.axes() == []
+    assert graph.of_kind(AxisFactor) == []
     assert abs(graph.poses()[-1, 2]) > 1.0
 
 
 def test_a_slip_is_undone_where_the_axes_go_on() -> None:
     """The step of the slip may turn; the wheels elsewhere keep their covariance, and the corridor is one line."""
     graph = driven(AxesConfig(enabled=True), 160, slip_at=100)
-    doubted = [wheels.a for wheels in graph.wheels() if wheels.covariance[2, 2] > 2 * WHEELS[2, 2]]
+    doubted = [wheels.a for wheels in graph.of_kind(WheelFactor) if wheels.covariance[2, 2] > 2 * WHEELS[2, 2]]
     assert 100 in doubted
     assert len(doubted) < 20
-    assert [wheels.a for wheels in graph.wheels()] == list(range(160))
+    assert [wheels.a for wheels in graph.of_kind(WheelFactor)] == list(range(160))

@@ -82,7 +82,7 @@ def test_the_axes_survive_a_checkpoint_and_a_restart() -> None:
     graph.restart(graph.calibrations(), np.zeros((STEPS + 1, 3)) + graph.poses())
     graph.settle()
     assert np.abs(graph.poses()[:, 2]).max() < 0.05
-    assert len(graph.axes()) == len(range(4, STEPS, 4))
+    assert len(graph.of_kind(AxisFactor)) == len(range(4, STEPS, 4))
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_wheels_that_slipped_turn_where_they_are_doubted() -> None:
             graph.substitute(number, replace(factor, covariance=factor.covariance + np.diag([0.0, 0.0, 0.1])))
     graph.settle()
     assert np.abs(graph.poses()[:, 2]).max() < 0.05
-    assert [wheels.a for wheels in graph.wheels()] == list(range(STEPS))
+    assert [wheels.a for wheels in graph.of_kind(WheelFactor)] == list(range(STEPS))
 
 
 def test_a_factor_that_changes_during_a_rebuild_is_not_lost() -> None:

@@ -80,7 +80,7 @@ def test_the_stretch_is_that_of_the_path_that_the_wheels_drove() -> None:
 def test_motions_that_are_replaced_keep_the_solution_they_agree_with() -> None:
     graph = straight(matched=True)
     before = graph.poses()
-    motions = [factor.motion for factor in graph.wheels()]
+    motions = [factor.motion for factor in graph.of_kind(WheelFactor)]
     graph.replace_motions(motions)
     assert graph.restarts
     graph.update()

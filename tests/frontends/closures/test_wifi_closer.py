@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from circles import PRIOR, Circles, S, drive
 
-from wayfi.backend.graph.factors import BetweenFactor, NearFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.axis_headings import AxisHeadings
@@ -132,15 +132,15 @@ def test_in_a_round_hall_wifi_wins_over_the_axes_that_there_are_none_of() -> Non
     """A circle of 25 m is a straight corridor to wheels that may turn by themselves, until places come again."""
     run = drive(3.0, radius_m=25.0, laser=False)
     axes = AxisHeadings(run.graph, PRIOR, AxesConfig(enabled=True))
-    for k, wheels in enumerate(run.graph.wheels()):
+    for k, wheels in enumerate(run.graph.of_kind(WheelFactor)):
         axes.follow(k + 1, wheels.motion, float(wheels.covariance[2, 2]), run.poses()[: k + 1])
         if run.graph.pending:
             update(run.graph)
-    assert len(run.graph.axes()) > 100
+    assert len(run.graph.of_kind(AxisFactor)) > 100
     assert run.worst_m() > 30.0
     close(run, closer(run), rounds(run))
     run.graph.settle()
-    assert run.graph.axes() == []
+    assert run.graph.of_kind(AxisFactor) == []
     assert run.worst_m() < 1.5
 
 
