@@ -20,15 +20,23 @@ Work = Generator[int, None, list[Pose2]]
 
 
 def optimised(
-    factors: Sequence[Factor], chain: CalibrationChain, axes: AxesChain, calibrations: Floats, start: Floats
+    factors: Sequence[Factor],
+    chains: tuple[CalibrationChain, AxesChain],
+    calibrations: Floats,
+    start: Floats,
+    origin: Pose2,
 ) -> Work:
-    """The poses of the keyframes by Levenberg-Marquardt from `start` (n, 3), the `calibrations` (k, 4) held fixed."""
+    """The poses of the keyframes by Levenberg-Marquardt from `start` (n, 3), the `calibrations` (k, 4) held fixed.
+
+    The first keyframe is at `origin`.
+    """
+    chain, axes = chains
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for stretch, known in enumerate(calibrations):
         fixed = gtsam.noiseModel.Isotropic.Sigma(4, FIXED_SIGMA)
         graph.addPriorVector(calibration_key(stretch), known, fixed)
         values.insert(calibration_key(stretch), known)
-    graph.add(origin_factor())
+    graph.add(origin_factor(origin))
     for keyframe, (x, y, theta) in enumerate(start):
         values.insert(pose_key(keyframe), gtsam.Pose2(x, y, theta))
     yield len(start)

@@ -46,10 +46,10 @@ def calibrated_factor(factor: Factor, stretch: int, axes: int, calibration: Floa
     return gtsam_factor(factor, stretch, axes)
 
 
-def origin_factor() -> gtsam.NonlinearFactor:
-    """The prior that the first keyframe is the origin of `map`."""
+def origin_factor(origin: Pose2) -> gtsam.NonlinearFactor:
+    """The prior that the first keyframe is at `origin` in `map`."""
     noise = gtsam.noiseModel.Diagonal.Sigmas(np.full(3, ORIGIN_SIGMA))
-    return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(), noise)
+    return gtsam.PriorFactorPose2(pose_key(0), gtsam.Pose2(origin.x, origin.y, origin.theta), noise)
 
 
 def walk_factor(stretch: int, sigmas: Floats) -> gtsam.NonlinearFactor:

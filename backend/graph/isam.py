@@ -22,6 +22,8 @@ REORDERED_SHARE = 0.65  # gtsam's own: where an update touches more of the state
 class Isam:
     """iSAM2 over the keyframes and the chains of calibrations and axes; at first, only a calibration with its prior.
 
+    The first keyframe is at `origin` in `map`.
+
     `tree` is gtsam's own object. It holds `keyframes` poses, `stretches` calibrations, and the factors of `indices`,
     which are its own numbers by those of the graph.
     """
@@ -33,7 +35,9 @@ class Isam:
         chain: CalibrationChain,
         axes: AxesChain,
         calibration: Floats,
+        origin: Pose2,
     ) -> None:
+        self.origin = origin
         self._chain, self._axes, self._axes_states = chain, axes, AxesStates(axes)
         self.indices: dict[int, int] = {}
         self.stretches, self.keyframes = 1, 0
@@ -96,7 +100,7 @@ class Isam:
         for keyframe, guess in poses.items():
             values.insert(pose_key(keyframe), gtsam.Pose2(guess.x, guess.y, guess.theta))
             if keyframe == 0:
-                graph.add(origin_factor())
+                graph.add(origin_factor(self.origin))
         result = self.tree.update(graph, values, params)
         self.indices.update(zip(factors, list(result.getNewFactorsIndices())[walks:], strict=False))
         self.keyframes += len(poses)

@@ -49,14 +49,13 @@ class UpdateSummary:
 
 
 class PoseGraph:
-    """Keyframes 0, 1, ... in `map` (keyframe 0 is its origin), estimated jointly with the wheels' calibration.
+    """Keyframes 0, 1, ... in `map` (keyframe 0 is at `origin`), estimated jointly with the wheels' calibration.
 
     Factors are queued by `add` and take effect with `update`. `add` returns the number that `remove` needs.
     """
 
-    def __init__(self, config: BackendConfig, prior: WheelCalibration) -> None:
-        self._config = config
-        self._prior = prior
+    def __init__(self, config: BackendConfig, prior: WheelCalibration, origin: Pose2 = Pose2()) -> None:
+        self._config, self._prior, self._origin = config, prior, origin
         self._factors: dict[int, Factor] = {}
         self._next = 0
         self._queued: list[int] = []
@@ -297,4 +296,4 @@ class PoseGraph:
         return dict(self._factors)
 
     def _new_isam(self, calibration: Floats) -> Isam:
-        return Isam(self._config, self._prior, self._chain, self._axes, calibration)
+        return Isam(self._config, self._prior, self._chain, self._axes, calibration, self._origin)

@@ -47,7 +47,7 @@ class Rebuild:
         self, factors: Mapping[int, Factor], chains: tuple[CalibrationChain, AxesChain], settle_updates: int
     ) -> Generator[int, None, None]:
         calibrations, poses = self.start
-        solved = yield from optimised(list(factors.values()), *chains, calibrations, poses)
+        solved = yield from optimised(list(factors.values()), chains, calibrations, poses, self.isam.origin)
         held = gtsam.KeyList()
         axes = map(axes_key, range(chains[1].states))
         for key in [*map(pose_key, range(len(solved))), *map(calibration_key, range(len(calibrations))), *axes]:

@@ -18,7 +18,7 @@ from wayfi.recordings.simulation.worlds.blueprints import World
 CAR = box(4.0, -2.0, 5.8, 2.0)
 
 
-def standing(pose: Pose2 = Pose2()) -> Floats:  # noqa: B008 - frozen
+def standing(pose: Pose2 = Pose2()) -> Floats:
     return np.tile(pose.array(), (COLUMNS, 1))
 
 
