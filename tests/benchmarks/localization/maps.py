@@ -2,7 +2,7 @@
 
 import os
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from benchmarks.localization.drives import Drive, records, stream
@@ -63,7 +63,7 @@ def _kept(path: Path) -> BuildingMap | None:
         building: BuildingMap = pickle.loads(path.read_bytes())
     except (OSError, EOFError, pickle.UnpicklingError, AttributeError, ImportError, TypeError):
         return None
-    return building
+    return building if all(hasattr(building, each.name) for each in fields(BuildingMap)) else None
 
 
 def _keep(path: Path, building: BuildingMap) -> None:
