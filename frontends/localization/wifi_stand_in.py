@@ -10,7 +10,7 @@ from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
 from wayfi.frontends.wifi.readings import Readings
 
 SIGMA_DB = 6.0
-SHARPNESS = 25.0  # of similarity: a fingerprint 0.1 less similar is 12 times less likely
+SHARPNESS = 60.0  # of similarity: a fingerprint 0.1 less similar is 400 times less likely
 FORGOTTEN_PER_M = 0.1
 LEAST_SIMILAR = 0.2
 CLUSTER_M = 6.0
