@@ -7,6 +7,7 @@ import numpy as np
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
+from wayfi.frontends.intake.pose_intake import PlacedPose, PoseIntake
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
 from wayfi.frontends.intake.stand_ins import StandIns
 from wayfi.frontends.intake.sweep_sets import SweepSet
@@ -15,11 +16,13 @@ from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.lidar.doubt import stands
 from wayfi.frontends.measurements import (
     SECOND_NS,
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     StaticTransforms,
     Sweep,
@@ -54,6 +57,7 @@ class Pipeline:
         self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
+        self._poses = PoseIntake(config.frames, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
         self._trajectories = Trajectories()
         self._last_scan_path_m = -np.inf
@@ -74,6 +78,8 @@ class Pipeline:
                 return list(self._process_wifi(measurement))
             case StaticTransforms() | MovingTransforms():
                 return list(self._process_transforms(measurement))
+            case PoseFix() | InitialPose():
+                return [*self._poses.add(measurement, self._path.latest), *self._use_poses()]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
@@ -81,7 +87,7 @@ class Pipeline:
         events += [event for sweep in self._scans.unfinished() for event in self._add_sweep(sweep)]
         events += self._use_scans(last=True)
         events += self._use_last_scans(self._scans.queue.waiting())
-        events += self._use_wifi(self._wifi.finish())
+        events += [*self._use_wifi(self._wifi.finish()), *self._poses.finish()]
         result, last = self._slam.finish(self._trajectories)
         return result, events + last
 
@@ -157,6 +163,7 @@ class Pipeline:
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
+        yield from self._use_poses()
         yield self._publish(point, accepted.T_odom_base, published)
         yield from self._slam.redraw_grid(point.stamp_ns)
 
@@ -274,6 +281,10 @@ class Pipeline:
             return
         yield from self._wifi.add(m, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
+
+    def _use_poses(self) -> Iterator[Event]:
+        for pose in self._poses.ready(self._path):
+            yield from self._slam.add_pose(pose) if isinstance(pose, PlacedPose) else (pose,)
 
     def _use_wifi(self, ready: Iterator[PlacedWifiScan | Event]) -> Iterator[Event]:
         for scan in ready:

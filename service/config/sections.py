@@ -60,6 +60,8 @@ class RecordingConfig:
     wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
     tf_static: str = option("/tf_static", "topic", "tf2's name")
     tf: str = option("/tf", "topic", "as above: mounts that are sent again and again, and odometry without messages")
+    fix: str = option("/fix", "topic", "poses in map that a fiducial, a dock or a surveyor measured")
+    initialpose: str = option("/initialpose", "topic", "RViz's and Nav2's name")
 
     @property
     def topics(self) -> dict[Sensor, str]:
