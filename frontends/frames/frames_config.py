@@ -11,4 +11,4 @@ class FramesConfig:
 
     map: str = option("map", "frame", "of poses, the grid, and fixes from outside; one for all robots of a map")
     odom: str = option("odom", "frame", "the child of map on /tf, and the odometry's own frame: robot1/odom in a fleet")
-    base_link: str = option("base_link", "frame", "the robot's, for mounts where the odometry has no child_frame_id")
+    base_link: str = option("base_link", "frame", "the robot's, in saved maps; for mounts see odometry.base_frame")
