@@ -6,6 +6,7 @@ from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
@@ -20,3 +21,4 @@ class SlamConfig:
     closure: ClosureConfig = field(default_factory=ClosureConfig)
     backend: BackendConfig = field(default_factory=BackendConfig)
     map: MapConfig = field(default_factory=MapConfig)
+    localization: LocalizationConfig = field(default_factory=LocalizationConfig)
