@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.health import State
+from wayfi.backend.graph.health import FailureCategory, State
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.measurements import Sensor
 
@@ -208,11 +208,12 @@ class CalibrationUpdated:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """TRACKING, UNCERTAIN or LOST, and why."""
+    """The new state, why, and the kind of failure that it is."""
 
     stamp_ns: int
     state: State
     reason: str
+    failure_category: FailureCategory = FailureCategory.NONE
 
 
 @dataclass(frozen=True, slots=True)

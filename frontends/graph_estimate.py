@@ -88,7 +88,7 @@ class GraphEstimate:
         health = worse(doubt, judge_health(self.covariance, self._config.uncertain_sigma_m, self._config.lost_sigma_m))
         changed = self._health is None or health.state is not self._health.state
         self._health = health
-        return [StateChanged(stamp_ns, health.state, health.reason)] if changed else []
+        return [StateChanged(stamp_ns, health.state, health.reason, health.failure_category)] if changed else []
 
     def _refresh_recent(self) -> None:
         n = len(self._keyframes)

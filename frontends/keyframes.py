@@ -77,6 +77,12 @@ class Keyframes:
         self._keyframes[number] = replace(self[number], point=point)
         self._paths[number] += point.path_m - before_m
 
+    def forget_oldest(self, count: int) -> None:
+        """Drop the oldest `count` keyframes, fewer than there are; the others are numbered from 0 again."""
+        self._keyframes = self._keyframes[count:]
+        self._paths, self._has_scan = self._paths[count:], self._has_scan[count:]
+        self._pieces = [0, *(piece - count for piece in self._pieces if piece > count)]
+
     def forget_scans(self) -> None:
         """Remove the scans of all keyframes."""
         self._keyframes = [Keyframe(keyframe.point, None) for keyframe in self._keyframes]

@@ -6,6 +6,7 @@ import numpy as np
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.estimation_core import estimation_core
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose, PoseIntake
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
@@ -14,15 +15,14 @@ from wayfi.frontends.intake.sweep_sets import SweepSet
 from wayfi.frontends.intake.wifi_intake import WifiIntake
 from wayfi.frontends.keyframes import keyframe_due
 from wayfi.frontends.lidar.doubt import stands
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import (
     SECOND_NS,
-    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
-    PoseFix,
     Sensor,
     StaticTransforms,
     Sweep,
@@ -30,39 +30,44 @@ from wayfi.frontends.measurements import (
 )
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
-from wayfi.frontends.odometry.live_pose import Estimate
-from wayfi.frontends.odometry.odometry_config import calibration_prior
+from wayfi.frontends.odometry.live_pose import Estimate, EstimateSchedule
 from wayfi.frontends.odometry.timebase import told_of
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_corrections import ScanCorrections
 from wayfi.frontends.scan_points import PlacedScan
-from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 
-ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
-
 
 class Pipeline:
-    """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason."""
+    """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason.
 
-    def __init__(self, config: SlamConfig, calibration: Calibration | None = None, timer: Timer | None = None) -> None:
+    It makes a map, or localises in `building` if that is given.
+    """
+
+    def __init__(
+        self,
+        config: SlamConfig,
+        calibration: Calibration | None = None,
+        timer: Timer | None = None,
+        building: BuildingMap | None = None,
+    ) -> None:
         self._config = config
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
-        self._slam = SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), self._timer)
+        self._core = estimation_core(config, calibration, self._timer, building)
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
         self._poses = PoseIntake(config.frames, self._odometry.time)
-        self._corrections = ScanCorrections(config.lidar, self._scans, self._slam)
+        self._corrections = ScanCorrections(config.lidar, self._scans, self._core)
         self._trajectories = Trajectories()
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
-        self._estimated = (0, 0)
+        self._estimates = EstimateSchedule()
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
         """Process the next measurement; returns the events that follow from it, in order.
@@ -78,7 +83,7 @@ class Pipeline:
                 return list(self._process_wifi(measurement))
             case StaticTransforms() | MovingTransforms():
                 return list(self._process_transforms(measurement))
-            case PoseFix() | InitialPose():
+            case _:
                 return [*self._poses.add(measurement, self._path.latest), *self._use_poses()]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
@@ -88,25 +93,24 @@ class Pipeline:
         events += self._use_scans(last=True)
         events += self._use_last_scans(self._scans.queue.waiting())
         events += [*self._use_wifi(self._wifi.finish()), *self._poses.finish()]
-        result, last = self._slam.finish(self._trajectories)
+        result, last = self._core.finish(self._trajectories)
         return result, events + last
 
     def new_estimate(self, serial: int) -> Estimate | None:
-        """The estimate, if a keyframe or `ESTIMATE_EVERY` messages of odometry have come since the last one."""
-        keyframes, odometry = self._estimated
-        if len(self._slam.keyframes) == keyframes and self._odometry.received < odometry + ESTIMATE_EVERY:
+        """The estimate, if there is news since the last one, or `EstimateSchedule` has one due."""
+        keyframes = self._core.keyframe_count
+        anchor = self._core.anchor() if keyframes else None
+        if not self._estimates.is_due(keyframes, self._odometry.received, anchor is not None):
             return None
-        self._estimated = len(self._slam.keyframes), self._odometry.received
-        anchor = self._slam.anchor() if self._slam.has_keyframes and not self._stand_ins.lead else None
-        return Estimate(serial, self._odometry.tip(), anchor)
+        return Estimate(serial, self._odometry.tip(), None if self._stand_ins.lead else anchor)
 
     def history(self) -> list[Event]:
         """The events with which a new log begins: every keyframe at its present pose, and the grid."""
-        return self._slam.history(self.stamp_ns)
+        return self._core.history(self.stamp_ns)
 
     def resume(self, seconds: float) -> list[Event]:
         """Go on after `seconds` without measurements; a new estimate is due."""
-        self._estimated = (-1, 0)
+        self._estimates = EstimateSchedule(keyframes=-1)
         self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self.stamp_ns, text)]
@@ -156,28 +160,30 @@ class Pipeline:
         point = accepted.point
         assert point is not None
         if not accepted.plausible:
-            self._slam.steps.leapt(self._path.leapt_m, self._path.leapt_rad)
+            self._core.steps.leapt(self._path.leapt_m, self._path.leapt_rad)
             yield Warned(point.stamp_ns, self._path.leap_text)
-        if not self._slam.has_keyframes:
-            yield from self._slam.add_keyframe(point, None)
+        if not self._core.keyframe_count:
+            yield from self._core.add_keyframe(point, None)
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
         yield from self._use_poses()
-        yield self._publish(point, accepted.T_odom_base, published)
-        yield from self._slam.redraw_grid(point.stamp_ns)
+        yield from self._publish(point, accepted.T_odom_base, published)
+        yield from self._core.go_on(point.stamp_ns)
 
-    def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> PosePublished:
+    def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> Iterator[Event]:
         if published is None or published.stamp_ns != point.stamp_ns:
-            published = self._slam.anchor().pose_at(point, T_odom_base, self._config.odometry)
-        self._trajectories.add(point, published.T_map_base)
-        return published
+            anchor = self._core.anchor()
+            published = anchor.pose_at(point, T_odom_base, self._config.odometry) if anchor else None
+        if published is not None:
+            self._trajectories.add(point, published.T_map_base)
+            yield published
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
         silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m
-        due = silent and keyframe_due(self._slam.motion_to(point), self._config.odometry)
+        due = silent and keyframe_due(self._core.motion_to(point), self._config.odometry)
         if due and not self._scans.awaits_mount():
-            yield from self._slam.add_keyframe(point, None)
+            yield from self._core.add_keyframe(point, None)
 
     def _process_scan(self, m: Sweep) -> Iterator[Event]:
         if not self._config.lidar.enabled:
@@ -246,14 +252,14 @@ class Pipeline:
                 continue
             point, first = sweeps.point, self._last_scan_path_m == -np.inf
             self._last_scan_path_m = point.path_m
-            motion = self._slam.motion_to(point)
-            due = keyframe_due(motion, self._config.odometry, self._slam.steps.keyframe_factor())
+            motion = self._core.motion_to(point)
+            due = keyframe_due(motion, self._config.odometry, self._core.steps.keyframe_factor())
             if motion.seconds < 0:
                 continue
             if first or due:
                 self._seen, placed = point, self._place(sweeps)
                 yield from self._scans.judge(sweeps, placed)
-                yield from self._slam.add_keyframe(point, placed)
+                yield from self._core.add_keyframe(point, placed)
                 yield from self._corrections.correct_stamps(point.stamp_ns, self._path, self._trajectories)
             else:
                 yield from self._look(sweeps)
@@ -265,11 +271,11 @@ class Pipeline:
         if not stands(stood.pose):
             self._stood = point
         elif stood.seconds >= self._config.lidar.doubt.look_s and isinstance(sweeps.newest, LaserScan):
-            if self._seen.motion_to(point).seconds < self._slam.steps.look_due_s():
+            if self._seen.motion_to(point).seconds < self._core.steps.look_due_s():
                 return
             self._seen = point
             placed = self._place(sweeps)
-            yield from self._slam.look(point, placed) if placed else ()
+            yield from self._core.look(point, placed) if placed else ()
 
     def _place(self, sweeps: SweepSet) -> PlacedScan | None:
         with self._timer("scan_points"):
@@ -284,11 +290,11 @@ class Pipeline:
 
     def _use_poses(self) -> Iterator[Event]:
         for pose in self._poses.ready(self._path):
-            yield from self._slam.add_pose(pose) if isinstance(pose, PlacedPose) else (pose,)
+            yield from self._core.add_pose(pose) if isinstance(pose, PlacedPose) else (pose,)
 
     def _use_wifi(self, ready: Iterator[PlacedWifiScan | Event]) -> Iterator[Event]:
         for scan in ready:
             if not isinstance(scan, PlacedWifiScan):
                 yield scan
-            elif self._slam.has_keyframes:
-                yield from self._slam.add_wifi(self.stamp_ns, scan)
+            elif self._core.keyframe_count:
+                yield from self._core.add_wifi(self.stamp_ns, scan)

@@ -62,9 +62,9 @@ class SlamCore:
         )  # fmt: skip
 
     @property
-    def has_keyframes(self) -> bool:
-        """Whether the drive has begun."""
-        return len(self.keyframes) > 0
+    def keyframe_count(self) -> int:
+        """How many keyframes there have been."""
+        return len(self.keyframes)
 
     @property
     def poses(self) -> Floats:
@@ -127,7 +127,7 @@ class SlamCore:
         reason = DropReason.NO_MAP if placed.sensor is Sensor.INITIAL_POSE else DropReason.NOT_ESTIMATED
         return [Dropped(placed.sensor, placed.point.stamp_ns, reason)]
 
-    def redraw_grid(self, stamp_ns: int) -> list[Event]:
+    def go_on(self, stamp_ns: int) -> list[Event]:
         """Redraw the grid if enough has come since the last time."""
         if not self._grid.due:
             return []
@@ -171,7 +171,7 @@ class SlamCore:
 
     def history(self, stamp_ns: int) -> list[Event]:
         """Every keyframe with its scan at its present pose, and the grid at `stamp_ns`."""
-        if not self.has_keyframes:
+        if not self.keyframe_count:
             return []
         keyframes: list[Event] = [
             KeyframeAdded(
@@ -183,7 +183,7 @@ class SlamCore:
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
-        events = self._settle(self.keyframes.newest.point.stamp_ns) if self.has_keyframes else []
+        events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
         with self._timer("map"):
             grid = self._grid.settle(self.poses)
         stamps_ns = trajectories.stamps_ns()

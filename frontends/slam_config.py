@@ -7,6 +7,7 @@ from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
@@ -22,3 +23,4 @@ class SlamConfig:
     closure: ClosureConfig = field(default_factory=ClosureConfig)
     backend: BackendConfig = field(default_factory=BackendConfig)
     map: MapConfig = field(default_factory=MapConfig)
+    localization: LocalizationConfig = field(default_factory=LocalizationConfig)

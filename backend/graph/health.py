@@ -12,20 +12,38 @@ from wayfi.backend.pose2 import Floats
 class State(StrEnum):
     """How far the pose can be trusted."""
 
+    RELOCALISING = "RELOCALISING"
     TRACKING = "TRACKING"
     UNCERTAIN = "UNCERTAIN"
     LOST = "LOST"
 
 
+class FailureCategory(StrEnum):
+    """What keeps the pose from being trusted, for programs; the reason says it in words."""
+
+    NONE = "none"
+    NOT_FOUND_YET = "not_found_yet"
+    AMBIGUOUS = "ambiguous"
+    NOT_IN_MAP = "not_in_map"
+    NO_SENSOR = "no_sensor"
+    NO_FIX = "no_fix"
+    MAP_CONTRADICTED = "map_contradicted"
+    WIFI_ELSEWHERE = "wifi_elsewhere"
+    ROBOT_MOVED = "robot_moved"
+    WHEELS_CONTRADICTED = "wheels_contradicted"
+    POSE_IMPRECISE = "pose_imprecise"
+
+
 @dataclass(frozen=True, slots=True)
 class Health:
-    """A state and the reason for it."""
+    """A state, the reason for it, and the kind of failure that it is."""
 
     state: State
     reason: str
+    failure_category: FailureCategory = FailureCategory.NONE
 
 
-SEVERITY = {State.TRACKING: 0, State.UNCERTAIN: 1, State.LOST: 2}
+SEVERITY = {State.TRACKING: 0, State.UNCERTAIN: 1, State.RELOCALISING: 2, State.LOST: 3}
 
 
 def worse(one: Health | None, other: Health) -> Health:
@@ -42,7 +60,13 @@ def judge_health(covariance: Floats, uncertain_sigma_m: float, lost_sigma_m: flo
     """The state of a pose with this (3, 3) covariance in `map`."""
     sigma = position_sigma(covariance)
     if not sigma < lost_sigma_m:
-        return Health(State.LOST, f"position known to {sigma:.1f} m, over {lost_sigma_m:g} m")
+        return Health(
+            State.LOST, f"position known to {sigma:.1f} m, over {lost_sigma_m:g} m", FailureCategory.POSE_IMPRECISE
+        )
     if sigma >= uncertain_sigma_m:
-        return Health(State.UNCERTAIN, f"position known to {sigma:.1f} m, over {uncertain_sigma_m:g} m")
+        return Health(
+            State.UNCERTAIN,
+            f"position known to {sigma:.1f} m, over {uncertain_sigma_m:g} m",
+            FailureCategory.POSE_IMPRECISE,
+        )
     return Health(State.TRACKING, f"position known to {sigma:.2f} m")

@@ -1,0 +1,1 @@
+"""Localisation in a saved map: where in the building is the robot, and is it there at all."""
