@@ -39,11 +39,6 @@ class CalibrationChain:
         """The stretch that a keyframe is on."""
         return int(self._path_m[keyframe] / self._config.stretch_m)
 
-    def at_keyframes(self, calibrations: Floats) -> Floats:
-        """(n, 4) at each keyframe, of the calibrations (k, 4) of the stretches."""
-        stretches = [self.stretch_of(keyframe) for keyframe in range(len(self._path_m))]
-        return calibrations[np.minimum(np.array(stretches, np.int64), len(calibrations) - 1)]
-
     def on_every_stretch(self, calibration: Floats, factors: Iterable[Factor]) -> Floats:
         """(k, 4) for all stretches of `factors`, from one calibration (4,) or those of the first stretches (j, 4)."""
         known = np.atleast_2d(calibration)

@@ -147,6 +147,14 @@ class Isam:
         J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
         return covariance_in_b(J @ joint @ J.T, -T_a_b.theta)
 
+    def place_covariance(self, a: int, b: int, place_b: Floats) -> Floats:
+        """(2, 2) covariance, in a's axes, of the position in keyframe a of `place_b` (2,) m in keyframe b."""
+        turned = self.pose(a).between(self.pose(b)).theta
+        x, y = Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
+        J = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+        covariance: Floats = J @ self.relative_covariance(a, b) @ J.T
+        return covariance
+
     def _note_order(self, result: gtsam.ISAM2Result) -> None:
         """Note whether an update has left the tree deep, which the next one cures."""
         touched = result.getVariablesReeliminated()

@@ -264,7 +264,11 @@ class PoseGraph:
 
     def calibrations_along(self) -> Floats:
         """(n, 4) the wheels' calibration on the stretch of each keyframe."""
-        return self._chain.at_keyframes(self.calibrations())
+        return self.calibrations()[np.minimum(self.stretches(), self._isam.stretches - 1)]
+
+    def stretches(self) -> NDArray[np.int64]:
+        """(n,) the stretch of the path, from 0, that each keyframe is on."""
+        return np.array([self._chain.stretch_of(keyframe) for keyframe in range(self.keyframes)], np.int64)
 
     def covariance(self, keyframe: int) -> Floats:
         """(3, 3) marginal covariance of a keyframe's pose, in (x, y, theta) of `map`."""
@@ -276,11 +280,7 @@ class PoseGraph:
 
     def place_covariance(self, a: int, b: int, place_b: Floats) -> Floats:
         """(2, 2) covariance, in a's axes, of the position in keyframe a of `place_b` (2,) m in keyframe b."""
-        turned = self.pose(a).between(self.pose(b)).theta
-        x, y = Pose2(0.0, 0.0, turned).transform(place_b[None])[0]
-        J = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
-        covariance: Floats = J @ self.relative_covariance(a, b) @ J.T
-        return covariance
+        return self._isam.place_covariance(a, b, place_b)
 
     def of_kind(self, kind: type[F]) -> list[F]:
         """The factors of a kind in the order in which they were added."""

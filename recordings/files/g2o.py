@@ -13,7 +13,12 @@ from wayfi.recordings.files.atomic_files import write_text
 
 
 def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration: Floats) -> None:
-    """Write the keyframes' `poses` (n, 3), T_map_base, and the `factors` between them. Raises OSError.
+    """Write the text of a graph. Raises OSError."""
+    write_text(path, g2o_text(poses, factors, calibration))
+
+
+def g2o_text(poses: Floats, factors: Iterable[Factor], calibration: Floats) -> str:
+    """The keyframes' `poses` (n, 3), T_map_base, and the `factors` between them.
 
     A wheel factor is written with the motion that `calibration` (4,) gives; a factor of one keyframe is no edge. g2o
     expects the information matrix of an edge in the axes of its second pose.
@@ -22,7 +27,7 @@ def write_g2o(path: Path, poses: Floats, factors: Iterable[Factor], calibration:
     lines += [_edge(factor, poses, calibration) for factor in factors if not isinstance(factor, AxisFactor)]
     if len(poses):
         lines.append("FIX 0")  # last, because some readers stop at it
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _edge(factor: RelativeFactor, poses: Floats, calibration: Floats) -> str:

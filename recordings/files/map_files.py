@@ -9,8 +9,9 @@ from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import GridRedrawn
-from wayfi.recordings.files.atomic_files import write_bytes, write_text
+from wayfi.recordings.files.atomic_files import write_bytes
 
+GRID_FILES = ("map.pgm", "map.yaml")
 OCCUPIED, FREE = 0, 254
 # map_server compares (255 - grey) / 255 with the thresholds of map.yaml. The usual 205 for unknown is 0.196 there,
 # which is free with a free_thresh of 0.25; 128 is 0.498.
@@ -27,8 +28,15 @@ def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m
 
 def write_grid(directory: Path, redrawn: GridRedrawn, config: MapConfig) -> None:
     """Write map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
-    write_bytes(directory / "map.pgm", _pgm(_greys(redrawn.occupancy, config)))
-    write_text(directory / "map.yaml", _yaml(redrawn, config))
+    for name, data in grid_files(redrawn, config).items():
+        write_bytes(directory / name, data)
+
+
+def grid_files(redrawn: GridRedrawn, config: MapConfig) -> dict[str, bytes]:
+    """The bytes of map.pgm and map.yaml of a redrawn grid."""
+    return dict(
+        zip(GRID_FILES, (_pgm(_greys(redrawn.occupancy, config)), _yaml(redrawn, config).encode()), strict=True)
+    )
 
 
 def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:

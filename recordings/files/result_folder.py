@@ -2,20 +2,29 @@
 
 import fcntl
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from wayfi.backend.errors import WayfiError
+from wayfi.recordings.files.map_folder import (
+    MANIFEST,
+    WHOLE_FILES,
+    delete_map,
+    files_of_a_map,
+    locked,
+    replace_map,
+)
 from wayfi.recordings.mcap.parts import BLACKBOX, SESSION, parts_of
 
 PARTIAL = "partial"  # a folder beside the results, as long as new ones are not whole
 REPORT, LOG = "report.json", "session.rrd"
+MAP = "map"  # the folder of the saved map within
 RESULTS = (
     *("trajectory.tum", "online.tum", LOG, "closures.csv", "map.pgm", "map.yaml", "map.png", "graph.g2o", "radio.csv"),
-    *("config.toml", "calibration.toml", "map/manifest.json", "map/graph.g2o", REPORT),
+    *("config.toml", "calibration.toml", REPORT),
 )
 EVALUATION = ("evaluation.json", "evaluation_trajectory.png", "evaluation_error.png")
 
@@ -27,11 +36,12 @@ class ResultError(WayfiError):
 class ResultFolder:
     """The folder `path`, made if need be; new results are staged in `partial`, and take the place of the old at once.
 
-    A context manager: they do so where it ends without an exception. Until then earlier results stay whole; an
-    exception gets a note of what the folder holds. An interrupted run leaves `partial` behind; results are whole where
-    there is a report.json. Only files that wayfi writes are deleted, and none that are `kept`. The Rerun file goes to
-    `log`: beside the results where there are none yet, so that it can be looked at on the way. Raises ResultError
-    where the folder cannot be written, something is in the way, or another process writes there.
+    A context manager: they do so where it ends without an exception. Until then earlier results stay whole, and the map
+    in it is whole at every moment; an exception gets a note of what the folder holds. An interrupted run leaves
+    `partial` behind; results are whole where there is a report.json. Only files that wayfi writes are deleted, and none
+    that are `kept`. The Rerun file goes to `log`: beside the results where there are none yet, so that it can be looked
+    at on the way. Raises ResultError where the folder cannot be written, something is in the way, or another process
+    writes there.
     """
 
     def __init__(self, path: Path, kept: Iterable[Path] = ()) -> None:
@@ -73,13 +83,19 @@ class ResultFolder:
             error.add_note(self._holds())
 
     def _adopt(self) -> None:
-        """Put the staged files in the place of the old ones, the report last."""
-        (self.path / REPORT).unlink(missing_ok=True)
-        _delete(self._old())
-        for staged in sorted(files_of_a_run(self.staged), key=lambda file: file.name == REPORT):
-            final = self.path / staged.relative_to(self.staged)
-            final.parent.mkdir(exist_ok=True)
-            staged.replace(final)
+        """Put the staged files in the place of the old ones, the map after the others and the report last."""
+        staged, final = self.staged / MAP, self.path / MAP
+        with locked(final):
+            (self.path / REPORT).unlink(missing_ok=True)
+            _delete(self._old())
+            self._move(lambda file: file.name != REPORT)
+            replace_map(staged, final) if files_of_a_map(staged) else delete_map(final)
+            self._move(lambda file: file.name == REPORT)
+
+    def _move(self, meant: Callable[[Path], bool]) -> None:
+        """Move the staged files that are `meant` to their places."""
+        for file in filter(meant, files_of_a_run(self.staged)):
+            file.replace(self.path / file.name)
 
     def _holds(self) -> str:
         if (self.path / REPORT).exists():
@@ -90,8 +106,8 @@ class ResultFolder:
         return [file for file in files_of_a_run(self.path) if file.resolve() not in self._kept]
 
     def _remove_staged(self) -> None:
-        """Remove `partial`, unless it holds files that wayfi did not write."""
-        for folder in (self.staged / "map", self.staged):
+        """Remove `partial`, unless it holds files that wayfi did not write, and a map's folder that is empty."""
+        for folder in (self.path / MAP, self.staged / MAP, self.staged):
             with suppress(OSError):
                 folder.rmdir()
 
@@ -99,13 +115,13 @@ class ResultFolder:
 def files_of_a_run(folder: Path) -> list[Path]:
     """The files in `folder` that wayfi writes there: results, evaluation, and what is left of files half written.
 
-    The parts of a daemon's log count, except beside its black box.
+    The parts of a daemon's log count, except beside its black box. Those of the map within are not among them.
     """
     known = [folder / name for name in (*RESULTS, *EVALUATION)]
     files = [file for file in known if file.is_file() or file.is_symlink()]
     half_written = [half for file in known for half in file.parent.glob(f".{file.name}.*.part")]
     parts = [] if parts_of(folder, BLACKBOX) else parts_of(folder, SESSION)
-    return [*files, *half_written, *sorted((folder / "map").glob("*.parquet")), *parts]
+    return [*files, *half_written, *parts]
 
 
 def why_not_whole(folder: Path) -> str:
@@ -124,10 +140,10 @@ def note_of_later_run(folder: Path) -> str:
 
 def _refuse_obstacles(path: Path) -> None:
     """Raise ResultError where a file is in the place of a folder, or a folder in that of a file."""
-    for folder in (path, path / "map", path / PARTIAL):
+    for folder in (path, path / MAP, path / PARTIAL):
         if folder.exists() and not folder.is_dir():
             raise ResultError(f"{folder}: cannot be made: there is a file of this name")
-    for name in RESULTS:
+    for name in (*RESULTS, *(f"{MAP}/{name}" for name in (MANIFEST, *WHOLE_FILES))):
         if (path / name).is_dir():
             raise ResultError(f"{path / name}: cannot be written: there is a folder of this name")
 

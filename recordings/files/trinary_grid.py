@@ -6,15 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.errors import WayfiError
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.recordings.files import map_files
+from wayfi.recordings.files.map_folder import MapError
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1  # as in nav_msgs/msg/OccupancyGrid
-
-
-class MapError(WayfiError):
-    """Files that are no map of wayfi."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

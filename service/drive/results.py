@@ -18,10 +18,10 @@ from wayfi.recordings.files.g2o import write_g2o
 from wayfi.recordings.files.map_files import write_map
 from wayfi.recordings.files.tables import RadioPlace, write_closures, write_radio
 from wayfi.recordings.files.tum import write_tum
+from wayfi.recordings.map.saving import save_map
 from wayfi.service.config import config_toml
 from wayfi.service.drive.drive import Drive
 
-MAP_FORMAT_VERSION = 1
 HASHED_AT_ONCE_BYTES = 1 << 20
 PACKAGES = ("wayfi", "gtsam", "numpy", "scipy", "numba", "kiss-icp", "mcap", "rerun-sdk", "rosbags")
 
@@ -48,6 +48,7 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
+        save_map(directory / "map", building, drive.config.map)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
@@ -66,15 +67,8 @@ def hash_of(paths: Sequence[Path]) -> str:
 def _write_estimate(directory: Path, estimate: DriveEstimate) -> None:
     write_tum(directory / "trajectory.tum", estimate.stamps_ns, estimate.final)
     write_tum(directory / "online.tum", estimate.stamps_ns, estimate.online)
-    _write_graph(directory / "graph.g2o", estimate.building)
-    saved = directory / "map"
-    saved.mkdir(exist_ok=True)
-    _write_graph(saved / "graph.g2o", estimate.building)
-    write_text(saved / "manifest.json", json.dumps({"format": "wayfi-map", "version": MAP_FORMAT_VERSION}) + "\n")
-
-
-def _write_graph(path: Path, building: BuildingMap) -> None:
-    write_g2o(path, building.poses, building.factors.values(), building.calibration.wheels.values)
+    building = estimate.building
+    write_g2o(directory / "graph.g2o", building.poses, building.factors.values(), building.calibration.wheels.values)
 
 
 def _radio(building: BuildingMap) -> Iterator[RadioPlace]:

@@ -11,7 +11,8 @@ from typing import Any
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.files.calibration_file import read_calibration
-from wayfi.recordings.files.result_folder import ResultError, ResultFolder, files_of_a_run, why_not_whole
+from wayfi.recordings.files.map_folder import copy_map
+from wayfi.recordings.files.result_folder import MAP, ResultError, ResultFolder, files_of_a_run, why_not_whole
 from wayfi.recordings.files.tables import ClosureRow, read_closures
 from wayfi.recordings.files.trinary_grid import TrinaryGrid, read_map
 from wayfi.recordings.files.tum import read_tum
@@ -68,9 +69,8 @@ def load_result(directory: str | os.PathLike[str]) -> Result:
 
 def _copy(folder: Path, out: Path) -> None:
     for file in files_of_a_run(folder):
-        copied = out / file.relative_to(folder)
-        copied.parent.mkdir(exist_ok=True)
-        shutil.copyfile(file, copied)
+        shutil.copyfile(file, out / file.name)
+    copy_map(folder / MAP, out / MAP)
 
 
 def _read_report(path: Path) -> dict[str, Any]:

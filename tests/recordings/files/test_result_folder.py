@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from wayfi.recordings.files.map_folder import MANIFEST, WHOLE_FILES
+from wayfi.recordings.files.replaced_together import current
 from wayfi.recordings.files.result_folder import (
     EVALUATION,
     PARTIAL,
@@ -17,10 +19,20 @@ from wayfi.recordings.files.result_folder import (
     why_not_whole,
 )
 
-NOTES = ("notes.txt", "map/notes.txt", "recording.mcap", "photo.png", "map.pgm.orig", "partial/mine.txt")
+WRITTEN = (*RESULTS, *(f"map/{name}" for name in (MANIFEST, *WHOLE_FILES, "scans_0000.parquet")))
+NOTES = (
+    "notes.txt",
+    "map/notes.txt",
+    "map/keepout.pgm",
+    "map/places.parquet",
+    "recording.mcap",
+    "photo.png",
+    "map.pgm.orig",
+    "partial/mine.txt",
+)
 
 
-def fill(folder: Path, text: str, names: tuple[str, ...] = RESULTS) -> None:
+def fill(folder: Path, text: str, names: tuple[str, ...] = WRITTEN) -> None:
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -32,16 +44,16 @@ def contents(folder: Path) -> dict[str, str]:
 
 def a_run(folder: Path, text: str, kept: tuple[Path, ...] = ()) -> None:
     with ResultFolder(folder, kept) as results:
-        fill(results.staged, text, tuple(name for name in RESULTS if name != "session.rrd"))
+        fill(results.staged, text, tuple(name for name in WRITTEN if name != "session.rrd"))
         results.log.write_text(text)
 
 
 def test_a_run_takes_the_place_of_another_with_its_evaluation_and_remains(tmp_path: Path) -> None:
     a_run(tmp_path, "old")
-    remains = ("session_0001.rrd", ".map.png.77.part", "map/.graph.g2o.77.part", "map/places.parquet")
+    remains = ("session_0001.rrd", ".map.png.77.part", "map/scans_0077.parquet")
     fill(tmp_path, "old", (*EVALUATION, *remains))
     a_run(tmp_path, "new")
-    assert contents(tmp_path) == dict.fromkeys(RESULTS, "new")
+    assert contents(tmp_path) == dict.fromkeys(WRITTEN, "new")
     assert not (tmp_path / PARTIAL).exists()
 
 
@@ -65,7 +77,7 @@ def test_the_parts_of_a_log_stay_beside_their_black_box(tmp_path: Path) -> None:
     own = ("blackbox_0001.mcap", "session_0001.rrd")
     fill(tmp_path, "mine", own)
     a_run(tmp_path, "new")
-    assert contents(tmp_path) == {**dict.fromkeys(RESULTS, "new"), **dict.fromkeys(own, "mine")}
+    assert contents(tmp_path) == {**dict.fromkeys(WRITTEN, "new"), **dict.fromkeys(own, "mine")}
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, OSError(errno.ENOSPC, "No space left on device")])
@@ -86,11 +98,11 @@ def test_an_interrupted_run_leaves_the_old_results_whole(
     if not isinstance(error, OSError):
         assert raised.value.__notes__ == [f"{tmp_path} keeps the results it had"]
     whole = {name: text for name, text in contents(tmp_path).items() if not name.startswith(PARTIAL)}
-    assert whole == dict.fromkeys((*RESULTS, *EVALUATION), "old")
+    assert whole == dict.fromkeys((*WRITTEN, *EVALUATION), "old")
     assert why_not_whole(tmp_path) == ""
     assert "a later run into it was interrupted" in note_of_later_run(tmp_path)
     a_run(tmp_path, "newer")
-    assert contents(tmp_path) == dict.fromkeys(RESULTS, "newer")
+    assert contents(tmp_path) == dict.fromkeys(WRITTEN, "newer")
 
 
 def test_an_interrupted_first_run_is_told_and_gives_way_to_the_next(tmp_path: Path) -> None:
@@ -120,7 +132,7 @@ class Killed(BaseException):
     """A kill, at one of the steps of the file system."""
 
 
-@pytest.mark.parametrize("step", range(2 * len(RESULTS) + 3))
+@pytest.mark.parametrize("step", range(2 * len(WRITTEN) + 6))
 def test_a_kill_at_any_step_of_the_exchange_leaves_one_run_whole_or_is_told(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,13 +153,15 @@ def test_a_kill_at_any_step_of_the_exchange_leaves_one_run_whole_or_is_told(
     results = ResultFolder(tmp_path)
     fill(results.staged, "new")
     with monkeypatch.context() as patched, suppress(Killed):
-        for name in ("unlink", "replace", "rmdir"):
+        for name in ("unlink", "replace", "rename", "rmdir"):
             patched.setattr(Path, name, dying(getattr(Path, name)))
         results.__exit__(None, None, None)
-    found = {text for name, text in contents(tmp_path).items() if not name.startswith(PARTIAL)}
-    assert why_not_whole(tmp_path) or len(found) == 1
+    found = {text for name, text in contents(tmp_path).items() if not name.startswith((PARTIAL, "map"))}
+    saved = {current(tmp_path / "map", name.removeprefix("map/")).read_text() for name in WRITTEN if "/" in name}
+    assert why_not_whole(tmp_path) or found | saved in ({"old"}, {"new"})
+    assert len(saved) == 1
     a_run(tmp_path, "newer")
-    assert contents(tmp_path) == dict.fromkeys(RESULTS, "newer")
+    assert contents(tmp_path) == dict.fromkeys(WRITTEN, "newer")
 
 
 def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
@@ -186,4 +200,4 @@ def test_a_place_that_nothing_can_be_written_to_is_said(out: str) -> None:
 def test_a_process_may_write_one_run_after_another(tmp_path: Path) -> None:
     for text in ("a", "b", "c"):
         a_run(tmp_path, text)
-    assert contents(tmp_path) == dict.fromkeys(RESULTS, "c")
+    assert contents(tmp_path) == dict.fromkeys(WRITTEN, "c")

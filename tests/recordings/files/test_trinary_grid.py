@@ -8,7 +8,8 @@ import pytest
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files.map_files import write_grid
-from wayfi.recordings.files.trinary_grid import FREE, OCCUPIED, UNKNOWN, MapError, read_map, trinary
+from wayfi.recordings.files.map_folder import MapError
+from wayfi.recordings.files.trinary_grid import FREE, OCCUPIED, UNKNOWN, read_map, trinary
 
 OCCUPANCY = np.array([[0.1, 0.5, 0.9], [0.65, 0.25, 0.3]], np.float32)
 ORIGIN = (-1.25, 3.5)

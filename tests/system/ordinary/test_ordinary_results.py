@@ -15,8 +15,10 @@ from command_line import wayfi as wayfi_in_process
 from drives import RESULT_FILES, Simulated, cli, run, write
 
 import wayfi
+from wayfi.recordings.files.map_folder import files_of_a_map
 from wayfi.recordings.files.result_folder import EVALUATION, RESULTS
 from wayfi.recordings.files.tum import write_tum
+from wayfi.recordings.map.loading import load_map
 
 SETTINGS = ["wifi.enabled=false", "lidar.enabled=false"]  # another run's results, sooner made
 
@@ -40,10 +42,16 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {name: data for name, data in files.items() if not name.startswith("partial/")}
 
 
+def beside_the_map(folder: Path) -> set[str]:
+    return {name for name in contents(folder) if not name.startswith("map/")}
+
+
 def test_a_replay_knows_every_file_that_it_writes(recording: Path, tmp_path: Path) -> None:
     run(recording, tmp_path, *SETTINGS, rrd=True)
-    assert set(contents(tmp_path)) == set(RESULTS)
-    assert {name for name in RESULTS if "/" not in name} == set(RESULT_FILES)
+    files = contents(tmp_path)
+    assert {name for name in files if "/" not in name} == set(RESULTS) == set(RESULT_FILES)
+    assert {name for name in files if "/" in name} == {f"map/{path.name}" for path in files_of_a_map(tmp_path / "map")}
+    assert not load_map(tmp_path).warnings
 
 
 def test_a_replay_leaves_nothing_of_another_run_and_all_that_is_not_wayfis(
@@ -52,7 +60,7 @@ def test_a_replay_leaves_nothing_of_another_run_and_all_that_is_not_wayfis(
     out, fresh = tmp_path / "out", tmp_path / "fresh"
     run(recording, out, *SETTINGS, rrd=True)
     assert cli("evaluate", out, "--truth", truth).returncode == 0
-    assert set(contents(out)) == {*RESULTS, *EVALUATION}
+    assert beside_the_map(out) == {*RESULTS, *EVALUATION}
     (out / "notes.md").write_text("the day with the open doors")
     (out / "recording.mcap").write_bytes(recording.read_bytes())
     run(out / "recording.mcap", out, "lidar.enabled=false")
@@ -60,7 +68,7 @@ def test_a_replay_leaves_nothing_of_another_run_and_all_that_is_not_wayfis(
     left = contents(out)
     assert left.pop("notes.md") == b"the day with the open doors"
     assert left.pop("recording.mcap") == recording.read_bytes()
-    assert set(left) == set(RESULTS) - {"session.rrd"}
+    assert beside_the_map(out) == {*RESULTS, "notes.md", "recording.mcap"} - {"session.rrd"}
     assert {n: d for n, d in left.items() if n != "report.json"} == {
         n: d for n, d in contents(fresh).items() if n != "report.json"
     }
@@ -106,7 +114,7 @@ def test_an_interrupted_first_replay_is_told_as_partial(
     with pytest.raises(wayfi.WayfiError, match="only part of a run"):
         wayfi.load_result(tmp_path)
     run(recording, tmp_path, *SETTINGS)
-    assert set(contents(tmp_path)) == set(RESULTS) - {"session.rrd"}
+    assert beside_the_map(tmp_path) == set(RESULTS) - {"session.rrd"}
 
 
 def small_files(size: int) -> Callable[[], None]:

@@ -1,0 +1,133 @@
+"""Saving a map: the files that changed are written beside the former ones, and take their place at once."""
+
+import hashlib
+import shutil
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+
+from wayfi.backend.grid.map_config import MapConfig
+from wayfi.frontends.event_making import grid_event
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.recordings.files.calibration_file import calibration_toml
+from wayfi.recordings.files.g2o import g2o_text
+from wayfi.recordings.files.map_files import grid_files
+from wayfi.recordings.files.map_folder import (
+    ACCESS_POINTS,
+    CALIBRATION,
+    GRAPH,
+    GRID,
+    KEYFRAMES,
+    MANIFEST,
+    WHOLE_FILES,
+    MapError,
+    locked,
+    replace_map,
+)
+from wayfi.recordings.map.columns import utc
+from wayfi.recordings.map.fingerprint_table import access_point_table
+from wayfi.recordings.map.grid_table import grid_table
+from wayfi.recordings.map.keyframe_table import keyframe_table
+from wayfi.recordings.map.manifest import Checksum, Manifest, MapName, checksum_of, manifest_text
+from wayfi.recordings.map.parts import TABLES, Made, same
+
+STAGED = ".staged"
+FRAMES = {"map": "map", "base": "base_link"}
+
+
+def save_map(
+    folder: Path, building: BuildingMap, config: MapConfig | None = None, former: MapName | None = None
+) -> MapName:
+    """Save a map into `folder`, made if need be, in place of the one there; returns its name.
+
+    `former` is the name of the map that this one goes on from: it keeps the id and gets the next version; without, the
+    id is a hash of what is saved. Files of the user in `folder` stay. Whatever becomes of the process, `folder` holds
+    the former map or the new one, whole. Raises MapError where it cannot be written.
+    """
+    return MapSaver(folder, config, former).save(building)
+
+
+class MapSaver:
+    """Saves a map as it grows: only the parts of its tables that have changed since are written."""
+
+    def __init__(self, folder: Path, config: MapConfig | None = None, former: MapName | None = None) -> None:
+        self._folder, self._config, self._name = folder, config or MapConfig(), former
+        self._made: dict[str, list[Made]] = {}
+        self._files: dict[str, Checksum] = {}
+
+    def save(self, building: BuildingMap) -> MapName:
+        """Save a map as `save_map` does."""
+        try:
+            with locked(self._folder):
+                return self._save(building)
+        except OSError as error:
+            raise MapError(f"{error.filename or self._folder}: cannot be written: {error.strerror}") from None
+
+    def _save(self, building: BuildingMap) -> MapName:
+        staged = self._folder / STAGED
+        shutil.rmtree(staged, ignore_errors=True)
+        staged.mkdir()
+        files = dict(self._files)
+        made = dict(self._write_parts(staged, building, files))
+        for name, data in _whole_files(building, self._config):
+            files[name] = _write(staged / name, data)
+        for name in files.keys() - made.keys() - set(WHOLE_FILES):
+            del files[name]
+        named = MapName(self._name.map_id, self._name.map_version + 1) if self._name else MapName(_id_of(files), 1)
+        _write(staged / MANIFEST, manifest_text(_manifest(named, building, files)).encode())
+        replace_map(staged, self._folder, files)
+        self._made, self._files, self._name = made, files, named
+        return named
+
+    def _write_parts(
+        self, staged: Path, building: BuildingMap, files: dict[str, Checksum]
+    ) -> Iterator[tuple[str, list[Made]]]:
+        """Write the parts that have changed, with their checksums in `files`; yields what each part is made of."""
+        for table in TABLES:
+            for part, rows in table.parts(building).items():
+                name, numbers = table.file(part), list(rows)
+                made = [(number, *table.made_of(row)) for number, row in rows.items()]
+                if not same(made, self._made.get(name, [])):
+                    files[name] = _write(staged / name, table.write(numbers, list(rows.values())))
+                yield name, made
+
+
+def _whole_files(building: BuildingMap, config: MapConfig) -> Iterator[tuple[str, bytes]]:
+    """The files that are written anew by every save: they are small, or all of them changes."""
+    yield KEYFRAMES, keyframe_table(building)
+    yield ACCESS_POINTS, access_point_table(building.weights)
+    yield GRID, grid_table(building.grid)
+    yield CALIBRATION, calibration_toml(building.calibration).encode()
+    yield GRAPH, g2o_text(building.poses, building.factors.values(), building.calibration.wheels.values).encode()
+    yield from grid_files(grid_event(0, building.grid), config).items()
+
+
+def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksum]) -> Manifest:
+    keyframes = building.keyframes
+    return Manifest(
+        named.map_id,
+        named.map_version,
+        created=utc(max((keyframe.stamp_ns for keyframe in keyframes), default=0)),
+        wayfi=version("wayfi"),
+        frames=FRAMES,
+        floors=tuple(sorted({keyframe.floor for keyframe in keyframes})),
+        counts={
+            "keyframes": len(keyframes),
+            "factors": len(building.factors),
+            "closures": len(building.closures),
+            "fingerprints": len(building.fingerprints),
+            "access_points": len(building.weights),
+            "sessions": len({keyframe.session for keyframe in keyframes}),
+        },
+        files=dict(sorted(files.items())),
+    )
+
+
+def _id_of(files: Mapping[str, Checksum]) -> str:
+    """The id of a new map: 32 hexadecimal digits that hash what is saved first of it."""
+    return hashlib.sha256("".join(files[name].sha256 for name in sorted(files)).encode()).hexdigest()[:32]
+
+
+def _write(path: Path, data: bytes) -> Checksum:
+    path.write_bytes(data)
+    return checksum_of(data)

@@ -1,0 +1,69 @@
+"""Localisation in known maps, as a table: found how often and how soon, and what was claimed falsely.
+
+    python tests/benchmarks/localization/run.py [--only WORD ...] [--starts N] [--seed N] [--kept DIR] [--json FILE]
+        [--picture NAME ...]
+
+An experiment has all of --only in its name. Maps and drives are made once, into DIR. Of every run --json gets a line;
+--picture draws those with one of NAME in their name (`#3` is the fourth start) into DIR/pictures. Maps are never
+localised in by the recording that made them; truth is for scoring alone.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from benchmarks.localization.catalogue import Measurable, chosen
+from benchmarks.localization.drives import KEPT
+from benchmarks.localization.experiments import Result
+from benchmarks.localization.figures import COLUMNS, cells
+from benchmarks.localization.localizers import localizer
+from benchmarks.localization.picture import draw
+
+
+def measured(experiment: Measurable, arguments: argparse.Namespace) -> list[str]:
+    """Run an experiment; returns its row. Tells of every run as it ends."""
+    scores, cpu = [], []
+    for result in experiment.results(arguments.kept, localizer, arguments.starts, arguments.seed):
+        scores.append(result.score)
+        cpu.append((result.run.cpu_s, result.run.longest_ms))
+        if arguments.json:
+            with arguments.json.open("a") as file:
+                file.write(json.dumps(line_of(result)) + "\n")
+        if any(name in result.name for name in arguments.picture):
+            draw(result, arguments.kept / "pictures" / f"{result.name.replace(' ', '_')}.png")
+    return cells(experiment.name, scores, cpu)
+
+
+def line_of(result: Result) -> dict[str, object]:
+    """What is kept of a run."""
+    run = result.run
+    states = [((c.stamp_ns - run.start_ns) / 1e9, c.state, c.reason) for c in run.changes]
+    times = {"start_ns": run.start_ns, "cpu_s": run.cpu_s, "longest_ms": run.longest_ms}
+    return {"run": result.name} | result.score.to_dict() | times | {"states": states}
+
+
+def say(line: str) -> None:
+    """Show a line at once."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="*", default=[], help="words that an experiment has in its name")
+    parser.add_argument("--starts", type=int, default=100, help="of each experiment")
+    parser.add_argument("--seed", type=int, default=0, help="of the random starts")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="folder for drives and maps")
+    parser.add_argument("--json", type=Path, help="file that gets a line for each run")
+    parser.add_argument("--picture", nargs="*", default=[], help="parts of names of runs")
+    arguments = parser.parse_args()
+    say(f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}")
+    for experiment in chosen(arguments.only):
+        say(f"| {' | '.join(measured(experiment, arguments))} |")
+
+
+if __name__ == "__main__":
+    main()
