@@ -5,6 +5,7 @@ from typing import Protocol
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event
+from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
@@ -45,6 +46,9 @@ class EstimationCore(Protocol):
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own."""
+
+    def add_pose(self, placed: PlacedPose) -> list[Event]:
+        """Add a pose from outside."""
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""

@@ -47,6 +47,10 @@ class DropReason(StrEnum):
     SENSOR_OFF = "sensor_off"
     OTHER_LASER = "another_laser_is_used"
     IMPOSSIBLE_SCAN = "impossible_scan"
+    OTHER_FRAME = "other_frame"
+    ABSURD_COVARIANCE = "absurd_covariance"
+    NO_MAP = "no_map"
+    NOT_ESTIMATED = "not_estimated"
 
 
 class ClosureKind(StrEnum):

@@ -1,11 +1,13 @@
 """Localisation in a known map, where the pipeline has SLAM else: nothing is added to the map, and no graph grows."""
 
+import numpy as np
+
 from wayfi.backend.graph.health import Health
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.events import Event, StateChanged
+from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localizer import Localizer
 from wayfi.frontends.maps.building_map import BuildingMap
@@ -18,6 +20,8 @@ from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.readings import PlacedWifiScan
+
+UNKNOWN_COVARIANCE = np.diag([0.25, 0.25, 0.0685])  # of a pose from outside: what RViz says of a click, m^2 and rad^2
 
 
 class LocalizationCore:
@@ -52,10 +56,12 @@ class LocalizationCore:
         point, scale = track.point(claimed.keyframe), track.steps.covariance_scale
         return Anchor(point, claimed.T_map_base, claimed.covariance, track.calibration, scale, state)
 
-    def add_initial_pose(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats) -> list[Event]:
-        """Follow a pose from outside, of (3, 3) `covariance`, as one more hypothesis: evidence decides on it."""
-        self._localizer.add_initial(T_map_base, covariance)
-        return self._changes(stamp_ns)
+    def add_pose(self, placed: PlacedPose) -> list[Event]:
+        """Follow a pose from outside as one more hypothesis, from the newest keyframe on: evidence decides on it."""
+        T_map_keyframe = placed.T_map_base @ self.motion_to(placed.point).pose.inverse()
+        covariance = UNKNOWN_COVARIANCE if placed.covariance is None else placed.covariance
+        self._localizer.add_initial(T_map_keyframe, covariance)
+        return self._changes(placed.point.stamp_ns)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """Add a keyframe at `point`, with its scan if there is one, and compare it with the map."""

@@ -14,7 +14,7 @@ PAUSE_NS = SECOND_NS  # sensors send every second or more often: a longer step b
 
 
 class Sensor(StrEnum):
-    """The six inputs, by the name of their default topic."""
+    """The inputs, by the name of their default topic."""
 
     ODOM = "odom"
     SCAN = "scan"
@@ -22,6 +22,8 @@ class Sensor(StrEnum):
     WIFI = "wifi"
     TF_STATIC = "tf_static"
     TF = "tf"
+    FIX = "fix"
+    INITIAL_POSE = "initialpose"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,8 +122,33 @@ class MovingTransforms:
     stamps_ns: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseFix:
+    """Pose of the base in `frame_id` (map) that something outside measured: a fiducial, a dock, a surveyor.
+
+    `covariance` is (3, 3) in (x, y, theta) of `frame_id`, m and rad, or None where the message leaves it zero
+    (unknown). Neither is checked for finiteness. A stamp of 0 means now.
+    """
+
+    stamp_ns: int
+    T_map_base: Pose2
+    covariance: NDArray[np.float64] | None = None
+    frame_id: str = "map"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InitialPose:
+    """Pose of the base in `frame_id` (map) that somebody believes, as RViz and Nav2 send it; fields as of PoseFix."""
+
+    stamp_ns: int
+    T_map_base: Pose2
+    covariance: NDArray[np.float64] | None = None
+    frame_id: str = "map"
+
+
 Sweep = LaserScan | PointCloud
-Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms | MovingTransforms
+OutsidePose = PoseFix | InitialPose
+Measurement = Odometry | LaserScan | PointCloud | WifiScan | StaticTransforms | MovingTransforms | OutsidePose
 
 
 def content_of(m: LaserScan | PointCloud | WifiScan) -> bytes:

@@ -8,6 +8,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.estimation_core import estimation_core
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
+from wayfi.frontends.intake.pose_intake import PlacedPose, PoseIntake
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
 from wayfi.frontends.intake.stand_ins import StandIns
 from wayfi.frontends.intake.sweep_sets import SweepSet
@@ -29,7 +30,7 @@ from wayfi.frontends.measurements import (
 )
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
-from wayfi.frontends.odometry.live_pose import Estimate
+from wayfi.frontends.odometry.live_pose import Estimate, EstimateSchedule
 from wayfi.frontends.odometry.timebase import told_of
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
@@ -38,8 +39,6 @@ from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.readings import PlacedWifiScan
-
-ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
 
 
 class Pipeline:
@@ -63,11 +62,12 @@ class Pipeline:
         self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
+        self._poses = PoseIntake(config.frames, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._core)
         self._trajectories = Trajectories()
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
-        self._estimated = (0, 0)
+        self._estimates = EstimateSchedule()
 
     def process(self, measurement: Measurement, published: PosePublished | None = None) -> list[Event]:
         """Process the next measurement; returns the events that follow from it, in order.
@@ -83,6 +83,8 @@ class Pipeline:
                 return list(self._process_wifi(measurement))
             case StaticTransforms() | MovingTransforms():
                 return list(self._process_transforms(measurement))
+            case _:
+                return [*self._poses.add(measurement, self._path.latest), *self._use_poses()]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
@@ -90,18 +92,17 @@ class Pipeline:
         events += [event for sweep in self._scans.unfinished() for event in self._add_sweep(sweep)]
         events += self._use_scans(last=True)
         events += self._use_last_scans(self._scans.queue.waiting())
-        events += self._use_wifi(self._wifi.finish())
+        events += [*self._use_wifi(self._wifi.finish()), *self._poses.finish()]
         result, last = self._core.finish(self._trajectories)
         return result, events + last
 
     def new_estimate(self, serial: int) -> Estimate | None:
-        """The estimate, if a keyframe or `ESTIMATE_EVERY` messages of odometry have come since the last one."""
-        keyframes, odometry = self._estimated
-        if self._core.keyframe_count == keyframes and self._odometry.received < odometry + ESTIMATE_EVERY:
+        """The estimate, if there is news since the last one, or `EstimateSchedule` has one due."""
+        keyframes = self._core.keyframe_count
+        anchor = self._core.anchor() if keyframes else None
+        if not self._estimates.is_due(keyframes, self._odometry.received, anchor is not None):
             return None
-        self._estimated = self._core.keyframe_count, self._odometry.received
-        anchor = self._core.anchor() if self._core.keyframe_count and not self._stand_ins.lead else None
-        return Estimate(serial, self._odometry.tip(), anchor)
+        return Estimate(serial, self._odometry.tip(), None if self._stand_ins.lead else anchor)
 
     def history(self) -> list[Event]:
         """The events with which a new log begins: every keyframe at its present pose, and the grid."""
@@ -109,7 +110,7 @@ class Pipeline:
 
     def resume(self, seconds: float) -> list[Event]:
         """Go on after `seconds` without measurements; a new estimate is due."""
-        self._estimated = (-1, 0)
+        self._estimates = EstimateSchedule(keyframes=-1)
         self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self.stamp_ns, text)]
@@ -166,6 +167,7 @@ class Pipeline:
         yield from self._use_scans()
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
+        yield from self._use_poses()
         yield from self._publish(point, accepted.T_odom_base, published)
         yield from self._core.go_on(point.stamp_ns)
 
@@ -285,6 +287,10 @@ class Pipeline:
             return
         yield from self._wifi.add(m, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
+
+    def _use_poses(self) -> Iterator[Event]:
+        for pose in self._poses.ready(self._path):
+            yield from self._core.add_pose(pose) if isinstance(pose, PlacedPose) else (pose,)
 
     def _use_wifi(self, ready: Iterator[PlacedWifiScan | Event]) -> Iterator[Event]:
         for scan in ready:

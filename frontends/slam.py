@@ -17,14 +17,15 @@ from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_closer import WifiCloser
 from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, points_of
-from wayfi.frontends.events import Event, KeyframeAdded, SubmapMatched
+from wayfi.frontends.events import Dropped, DropReason, Event, KeyframeAdded, SubmapMatched
 from wayfi.frontends.graph_estimate import GraphEstimate
+from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
 from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
-from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -120,6 +121,11 @@ class SlamCore:
                 events += self._check(candidate, stamp_ns)
             events += self._close_by_wifi(self._wifi.released(), stamp_ns)
         return events
+
+    def add_pose(self, placed: PlacedPose) -> list[Event]:
+        """Add a pose from outside; an initial pose needs a map, in which it is."""
+        reason = DropReason.NO_MAP if placed.sensor is Sensor.INITIAL_POSE else DropReason.NOT_ESTIMATED
+        return [Dropped(placed.sensor, placed.point.stamp_ns, reason)]
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Redraw the grid if enough has come since the last time."""

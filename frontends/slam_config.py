@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
@@ -15,6 +16,7 @@ from wayfi.frontends.wifi.wifi_config import WifiConfig
 class SlamConfig:
     """All settings of the estimation."""
 
+    frames: FramesConfig = field(default_factory=FramesConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     lidar: LidarConfig = field(default_factory=LidarConfig)
     wifi: WifiConfig = field(default_factory=WifiConfig)

@@ -12,10 +12,12 @@ from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
     SECOND_NS,
+    InitialPose,
     LaserScan,
     Measurement,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     WifiScan,
 )
@@ -33,6 +35,7 @@ from wayfi.recordings.ros.messages import DEFAULT_TOPICS
 from wayfi.recordings.ros.topics import Channel, Route, Topics, route
 
 _LARGEST_STAMP_NS = 2**63 - 1
+_WITHOUT_CLOCK = (None, Sensor.TF_STATIC, Sensor.TF, Sensor.FIX, Sensor.INITIAL_POSE)
 _MOST_REASONS, _SHOWN_REASONS = 1000, 3
 
 
@@ -191,6 +194,9 @@ class _ChannelStatistics:
             self.bssids.update(measurement.bssids)
             self._radio.add(measurement)
             return
+        if isinstance(measurement, PoseFix | InitialPose):
+            self.non_finite += not measurement.T_map_base.is_finite()
+            return
         self._frames.add(measurement)
         if isinstance(measurement, Odometry):
             self.non_finite += not measurement.pose.is_finite()
@@ -207,8 +213,8 @@ class _ChannelStatistics:
         self._log_times_ns.setdefault(source, array("q")).append(log_time_ns)
 
     def _clock(self) -> ClockInspection | None:
-        """The clock of the source that sent most; transforms have none, nor what is not decoded."""
-        if self.route.sensor in (None, Sensor.TF_STATIC, Sensor.TF) or not self._stamps_ns:
+        """The clock of the source that sent most; what comes now and then has none, nor what is not decoded."""
+        if self.route.sensor in _WITHOUT_CLOCK or not self._stamps_ns:
             return None
         return clock_of(self._of_main_source(self._stamps_ns), self._of_main_source(self._log_times_ns))
 
@@ -217,7 +223,7 @@ class _ChannelStatistics:
         return np.array(max(times_ns.values(), key=len, default=()), np.int64)
 
     def _time_faults(self) -> TimeFaults:
-        if self.route.sensor in (None, Sensor.TF_STATIC, Sensor.TF):
+        if self.route.sensor in _WITHOUT_CLOCK:
             return TimeFaults()
         steps = [np.diff(np.array(stamps, dtype=np.int64)) for stamps in self._stamps_ns.values()]
         return TimeFaults(

@@ -59,6 +59,15 @@ class Pose3:
         return angle > radians or math.dist(self.translation, other.translation) > metres
 
 
+def tilt(rotation_xyzw: tuple[float, float, float, float]) -> float:
+    """The angle (rad, 0 to pi) between a quaternion's z axis and the parent's; NaN if it is (nearly) zero."""
+    x, y, z, w = rotation_xyzw
+    square = x * x + y * y + z * z + w * w
+    if not square >= SMALLEST_SQUARED_NORM:
+        return math.nan
+    return 2.0 * math.atan2(math.hypot(x, y), math.hypot(z, w))
+
+
 def heading(rotation_xyzw: tuple[float, float, float, float]) -> float:
     """The heading (rad) of a quaternion's x axis, of whatever length that is; NaN if it is (nearly) zero."""
     x, y, z, w = rotation_xyzw

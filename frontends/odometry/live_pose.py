@@ -15,6 +15,7 @@ from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
+ESTIMATE_EVERY = 50  # messages of odometry without a keyframe: bounds what a live pose accepts again to 0.5 to 5 s
 ORIGIN_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8])  # m^2, rad^2: 0 by definition, kept positive definite
 
 
@@ -58,6 +59,23 @@ class Estimate:
     serial: int
     odometry: AcceptedOdometry
     anchor: Anchor | None
+
+
+@dataclass(slots=True)
+class EstimateSchedule:
+    """When the next estimate is due: at the last, so many `keyframes` and messages of `odometry` had come."""
+
+    keyframes: int = 0
+    odometry: int = 0
+    claimed: bool = False
+
+    def is_due(self, keyframes: int, odometry: int, claimed: bool) -> bool:
+        """Whether one is due by these counts, which are noted then, or by a pose that is claimed or given up."""
+        unchanged = (keyframes, claimed) == (self.keyframes, self.claimed)
+        if unchanged and odometry < self.odometry + ESTIMATE_EVERY:
+            return False
+        self.keyframes, self.odometry, self.claimed = keyframes, odometry, claimed
+        return True
 
 
 class LivePose:

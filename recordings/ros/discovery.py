@@ -1,11 +1,14 @@
 """Which topics of a recording are read for a sensor whose own topic is not there: the only one of its type."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from wayfi.frontends.measurements import Sensor
-from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TF_MESSAGE, TYPE_OF_SENSOR, canonical_type
+from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR, canonical_type
 from wayfi.recordings.ros.topics import Channel, Topics, is_read, route, topics_of
+
+_SHARED = frozenset(t for t, sensors in Counter(TYPE_OF_SENSOR.values()).items() if sensors > 1)  # by several sensors
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +66,11 @@ def _choice(sensor: Sensor, topic: str, fitting: list[str]) -> str:
 
 
 def _is_of(channel: Channel, sensor: Sensor) -> bool:
-    """Whether the type of a channel is that of `sensor`; tf2's topics, all of one type, are told apart by name."""
+    """Whether the type of a channel is that of `sensor`; topics of one type for two are told apart by name."""
     wanted = TYPE_OF_SENSOR[sensor]
     if canonical_type(channel.type_name) != wanted:
         return False
-    return wanted != TF_MESSAGE or channel.topic.rpartition("/")[2] == sensor.value
+    return wanted not in _SHARED or channel.topic.rpartition("/")[2] == sensor.value
 
 
 def _fits(channel: Channel, sensor: Sensor) -> bool:

@@ -15,7 +15,15 @@ from rosbags.interfaces import Nodetype
 
 from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.ros.codec_error import CodecError
-from wayfi.recordings.ros.messages import LASER_SCAN, ODOMETRY, POINT_CLOUD, TF_MESSAGE, TYPESTORE, WIFI_SCAN
+from wayfi.recordings.ros.messages import (
+    LASER_SCAN,
+    ODOMETRY,
+    POINT_CLOUD,
+    POSE_WITH_COVARIANCE,
+    TF_MESSAGE,
+    TYPESTORE,
+    WIFI_SCAN,
+)
 from wayfi.recordings.ros.ros_measurements import MAX_BEAMS, MAX_FIELDS, MAX_READINGS, MAX_TRANSFORMS, check_count
 
 Message = Any
@@ -25,6 +33,7 @@ _POSITION = ("position.x", "position.y")
 _ORIENTATION = ("orientation.z", "orientation.w")
 REQUIRED: dict[str, frozenset[str]] = {
     ODOMETRY: frozenset({"header.stamp.sec", *(f"pose.pose.{name}" for name in _POSITION + _ORIENTATION)}),
+    POSE_WITH_COVARIANCE: frozenset({"header.frame_id", *(f"pose.pose.{name}" for name in _POSITION + _ORIENTATION)}),
     LASER_SCAN: frozenset({"header.stamp.sec", "angle_min", "angle_increment", "range_max", "ranges"}),
     POINT_CLOUD: frozenset(
         {"header.stamp.sec", "height", "width", "point_step", "data"}

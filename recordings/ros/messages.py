@@ -38,6 +38,8 @@ TYPE_OF_SENSOR = MappingProxyType(
         Sensor.WIFI: WIFI_SCAN,
         Sensor.TF: TF_MESSAGE,
         Sensor.TF_STATIC: TF_MESSAGE,
+        Sensor.INITIAL_POSE: POSE_WITH_COVARIANCE,
+        Sensor.FIX: POSE_WITH_COVARIANCE,
     }
 )
 # (9,) indices of the rows and columns (x, y, theta) of a 6 x 6 covariance in the (36,) array of a message.

@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.frames.pose3 import heading
+from wayfi.frontends.frames.pose3 import heading, tilt
 from wayfi.frontends.measurements import (
     SECOND_NS,
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     StaticTransforms,
     Transform,
@@ -34,6 +36,7 @@ MAX_READINGS = 2_000
 MAX_TRANSFORMS = 300
 MAX_FIELDS = 100  # of a point
 MAX_NAME = 256  # letters of a frame or a receiver
+MAX_TILT_RAD = 0.5  # of a base: steeper is the pose of something else, as of a camera whose z axis looks ahead
 
 
 def to_measurement(message: Message, sensor: Sensor) -> Measurement:
@@ -148,6 +151,30 @@ def _read_moving_transforms(message: Message) -> MovingTransforms:
     return MovingTransforms(stamps[0] if stamps else 0, transforms, stamps)
 
 
+def _read_fix(message: Message) -> PoseFix:
+    return PoseFix(*_read_outside_pose(message))
+
+
+def _read_initial_pose(message: Message) -> InitialPose:
+    return InitialPose(*_read_outside_pose(message))
+
+
+def _read_outside_pose(message: Message) -> tuple[int, Pose2, NDArray[np.float64] | None, str]:
+    """The fields of a pose from outside. Raises CodecError for one that lies on its side."""
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    rotation = q.x, q.y, q.z, q.w
+    if tilt(rotation) > MAX_TILT_RAD:
+        raise CodecError(f"the pose is tilted by {tilt(rotation):.2f} rad; give that of the base, z up")
+    planar = message.pose.covariance[PLANAR_INDICES].reshape(3, 3)
+    covariance = planar if planar.any() else None
+    return (
+        _header_stamp_ns(message),
+        Pose2(position.x, position.y, heading(rotation)),
+        covariance,
+        message.header.frame_id,
+    )
+
+
 def _read_transform(message: Message) -> Transform:
     t, q = message.transform.translation, message.transform.rotation
     child = check_name(message.child_frame_id)
@@ -161,4 +188,6 @@ _READERS: dict[Sensor, Callable[[Message], Measurement]] = {
     Sensor.WIFI: _read_wifi_scan,
     Sensor.TF_STATIC: _read_static_transforms,
     Sensor.TF: _read_moving_transforms,
+    Sensor.FIX: _read_fix,
+    Sensor.INITIAL_POSE: _read_initial_pose,
 }

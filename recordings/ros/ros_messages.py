@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
     SECOND_NS,
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
+    OutsidePose,
     PointCloud,
+    PoseFix,
     StaticTransforms,
     Transform,
     WifiScan,
@@ -24,6 +27,7 @@ from wayfi.recordings.ros.messages import (
     ODOMETRY,
     PLANAR_INDICES,
     POINT_CLOUD,
+    POSE_WITH_COVARIANCE,
     TF_MESSAGE,
     TYPESTORE,
     WIFI_SCAN,
@@ -141,6 +145,11 @@ def _write_moving_transforms(transforms: MovingTransforms) -> Message:
     return new_message(TF_MESSAGE, [_write_transform(*pair) for pair in pairs])
 
 
+def _write_outside_pose(m: OutsidePose) -> Message:
+    pose = pose_with_covariance(m.T_map_base, m.covariance)
+    return new_message(POSE_WITH_COVARIANCE, header(m.stamp_ns, m.frame_id), pose)
+
+
 def _write_transform(transform: Transform, stamp_ns: int) -> Message:
     pose = new_message(
         "geometry_msgs/msg/Transform",
@@ -158,4 +167,6 @@ _WRITERS: dict[type, tuple[Any, str]] = {
     WifiScan: (_write_wifi_scan, WIFI_SCAN),
     StaticTransforms: (_write_static_transforms, TF_MESSAGE),
     MovingTransforms: (_write_moving_transforms, TF_MESSAGE),
+    PoseFix: (_write_outside_pose, POSE_WITH_COVARIANCE),
+    InitialPose: (_write_outside_pose, POSE_WITH_COVARIANCE),
 }

@@ -37,9 +37,16 @@ class ZenohConfig:
     connect: list[str] = option([], "endpoints", "a router or peers to connect to; retried until they answer")
     prefix: str = option("", "", "before every key, to tell the robots of a fleet apart; a namespace in ROS 2")
     ros: Literal["none", "bridge", "rmw"] = option(
-        "none", "none|bridge|rmw", "adds /tf, /map and the pose for ROS 2 behind zenoh-bridge-ros2dds or rmw_zenoh"
+        "none",
+        "none|bridge|rmw",
+        "adds /tf, /map, /amcl_pose, /diagnostics behind zenoh-bridge-ros2dds or rmw_zenoh",
     )
     ros_domain: Annotated[int, Field(ge=0, le=232)] = option(0, "", "rmw: the ROS_DOMAIN_ID of the subscribers")
+    tf_ahead_s: float = option(
+        0.2,
+        "s",
+        "that map -> odom on /tf holds beyond its pose, till the next comes: at 10 Hz, and one is late",
+    )
     odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
     scan_queue: int = option(20, "messages", "half a second at 40 Hz: after a slow step only the latest scans matter")
     security: SecurityConfig = field(default_factory=SecurityConfig)
@@ -60,6 +67,8 @@ class RecordingConfig:
     wifi: str = option("/wifi", "topic", "wifi_msgs has no usual name")
     tf_static: str = option("/tf_static", "topic", "tf2's name")
     tf: str = option("/tf", "topic", "as above: mounts that are sent again and again, and odometry without messages")
+    fix: str = option("/fix", "topic", "poses in map that a fiducial, a dock or a surveyor measured")
+    initialpose: str = option("/initialpose", "topic", "RViz's and Nav2's name")
 
     @property
     def topics(self) -> dict[Sensor, str]:

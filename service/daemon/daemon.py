@@ -49,7 +49,7 @@ class Daemon:
         DaemonError where the results cannot be written, ZenohError where a key cannot be declared.
         """
         with ExitStack() as opened:
-            self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh))
+            self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh, self._config.frames))
             loop = MainLoop(self._config, self._calibration, self._folder, self._publishers, self._log)
             self._loop = opened.enter_context(loop)
             with ExitStack() as subscribed:

@@ -102,7 +102,7 @@ class Estimator:
             if isinstance(event, REPORTED) or (isinstance(event, PosePublished) and event is not published):
                 update.events.append(event)
             elif isinstance(event, GridRedrawn):
-                update.map_cdr = map_message(event, self._config.map)
+                update.map_cdr = map_message(event, self._config.map, self._config.frames.map)
                 self._write_map(event)
         if update != Update():
             self._outgoing.send(update)
@@ -131,7 +131,7 @@ class Estimator:
         result = drive.finish()
         grid = result.building.grid
         drawn = GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m)
-        self._outgoing.send(Update(map_cdr=map_message(drawn, self._config.map)))
+        self._outgoing.send(Update(map_cdr=map_message(drawn, self._config.map, self._config.frames.map)))
         for topic, reasons in dropped.items():
             drive.counters.drop_many(topic, reasons)
         seconds = time.monotonic() - self._begun_s

@@ -28,6 +28,7 @@ REMEDIES = {
     DropReason.TOO_LATE: "their stamps are {off}, which is too old; send them sooner, or synchronise the clocks",
     DropReason.AHEAD: "their stamps are {off}; synchronise the clocks",
     DropReason.IMPLAUSIBLE_MOTION: "their poses are further off than any robot drives; send m",
+    DropReason.NO_MAP: "without a map there is nowhere to be put; give one with --map",
     DropReason.OTHER_LASER: "another laser came first and is used; to use this one, give the other a topic that "
     "is not there (--set recording.scan=/none, or recording.points=/none)",
 }

@@ -16,6 +16,8 @@ MIB = 1 << 20
 QUEUE_BYTES = 64 * MIB  # of a topic: two clouds of the largest size, or some seconds of smaller ones
 WIFI_MESSAGES = 200  # phones send one in two seconds: over a minute of five of them
 TF_STATIC_MESSAGES = 100  # each is sent once, when its publisher starts: more than a robot has frames
+FIX_MESSAGES = 600  # 20 s of a camera that sees a fiducial
+INITIAL_POSES = 20  # each is a click of a person
 TF_MESSAGES = 12_000  # 60 s at 200 Hz, as of odometry, which may be in it
 
 Item = TypeVar("Item")
@@ -58,6 +60,8 @@ def limits_of(config: ZenohConfig, topics: Mapping[Sensor, Sequence[str]]) -> di
         Sensor.WIFI: QueueLimit(WIFI_MESSAGES, 4 * MIB),
         Sensor.TF_STATIC: QueueLimit(TF_STATIC_MESSAGES, MIB),
         Sensor.TF: QueueLimit(TF_MESSAGES, MIB),
+        Sensor.FIX: QueueLimit(FIX_MESSAGES, MIB // 16),
+        Sensor.INITIAL_POSE: QueueLimit(INITIAL_POSES, MIB // 16),
     }
     return {topic: limits[sensor] for sensor, names in topics.items() for topic in names}
 

@@ -10,36 +10,38 @@ from numpy.typing import NDArray
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
+from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.measurements import StaticTransforms, Transform
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TYPESTORE
 from wayfi.recordings.ros.ros_messages import Message, header, new_message, planar_pose, pose_with_covariance
 
-MAP_FRAME = "map"
-ODOM_FRAME = "odom"
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 OK, WARN, ERROR = 0, 1, 2
 
 
-def pose_message(event: PosePublished) -> bytes:
+def pose_message(event: PosePublished, frames: FramesConfig) -> bytes:
     """A PoseWithCovarianceStamped in `map`. Raises CodecError where a ROS time cannot hold the stamp."""
-    head = header(event.stamp_ns, MAP_FRAME)
+    head = header(event.stamp_ns, frames.map)
     pose = pose_with_covariance(event.T_map_base, event.covariance)
     return _cdr(new_message(POSE_WITH_COVARIANCE, head, pose), POSE_WITH_COVARIANCE)
 
 
-def transform_message(event: PosePublished) -> bytes:
-    """A TFMessage with map -> odom. Raises CodecError where a ROS time cannot hold the stamp."""
+def transform_message(event: PosePublished, frames: FramesConfig, ahead_ns: int = 0) -> bytes:
+    """A TFMessage with map -> odom, stamped `ahead_ns` after the pose.
+
+    Raises CodecError where a ROS time cannot hold the stamp.
+    """
     T = event.T_map_odom
     rotation = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
-    transform = Transform(MAP_FRAME, ODOM_FRAME, (T.x, T.y, 0.0), rotation)
-    return encode(StaticTransforms(event.stamp_ns, (transform,)))
+    transform = Transform(frames.map, frames.odom, (T.x, T.y, 0.0), rotation)
+    return encode(StaticTransforms(event.stamp_ns + ahead_ns, (transform,)))
 
 
-def map_message(event: GridRedrawn, config: MapConfig) -> bytes:
-    """An OccupancyGrid in `map`: 100, 0 or -1 for each cell, as Nav2's map_server makes it of the saved map."""
+def map_message(event: GridRedrawn, config: MapConfig, frame_id: str = "map") -> bytes:
+    """An OccupancyGrid in `frame_id`: 100, 0 or -1 for each cell, as Nav2's map_server makes it of the saved map."""
     rows, columns = event.occupancy.shape
-    head = header(event.stamp_ns, MAP_FRAME)
+    head = header(event.stamp_ns, frame_id)
     origin = planar_pose(Pose2(*event.origin_xy_m, 0.0))
     info = new_message("nav_msgs/msg/MapMetaData", head.stamp, event.resolution_m, columns, rows, origin)
     return _cdr(new_message(OCCUPANCY_GRID, head, info, _cells(event, config)), OCCUPANCY_GRID)

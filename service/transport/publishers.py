@@ -5,13 +5,15 @@ from contextlib import ExitStack
 import zenoh
 
 from wayfi.frontends.events import PosePublished
+from wayfi.frontends.frames.frames_config import FramesConfig
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.service.config import ZenohConfig
 from wayfi.service.transport.latched_publisher import LatchedPublisher
 from wayfi.service.transport.latest_value import LatestValue
 from wayfi.service.transport.output_messages import Status, pose_message, status_message, transform_message
-from wayfi.service.transport.ros_publishers import MAP, POSE, TF, RosPublishers
+from wayfi.service.transport.ros_publishers import AMCL_POSE, DIAGNOSTICS, MAP, POSE, TF, RosPublishers
 from wayfi.service.transport.zenoh_session import key_of
 
 CDR = zenoh.Encoding.APPLICATION_CDR
@@ -24,9 +26,16 @@ class Publishers(Closing):
     `unpublished` counts the poses whose stamp a ROS time cannot hold. Raises ZenohError.
     """
 
-    def __init__(self, session: zenoh.Session, config: ZenohConfig) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        config: ZenohConfig,
+        frames: FramesConfig = FramesConfig(),  # noqa: B008 - frozen
+    ) -> None:
         self._session = session
         self._config = config
+        self._frames = frames
+        self._tf_ahead_ns = round(config.tf_ahead_s * SECOND_NS)
         self.unpublished = 0
         urgent = zenoh.Priority.INTERACTIVE_HIGH
         with ExitStack() as opened:
@@ -53,19 +62,26 @@ class Publishers(Closing):
 
     def publish_status(self, stamp_ns: int, status: Status) -> None:
         """Publish the status, as of `stamp_ns` on the wall clock."""
-        self._status.put(status_message(stamp_ns, status))
+        data = status_message(stamp_ns, status)
+        self._status.put(data)
+        self._ros.put(DIAGNOSTICS, data)
 
     def publish_pose(self, event: PosePublished) -> None:
-        """Publish a pose and its transform map -> odom."""
+        """Publish a pose and its transform map -> odom.
+
+        On ROS 2's own /tf the transform is stamped `zenoh.tf_ahead_s` later, as AMCL does it with its tolerance.
+        """
         try:
-            pose, transform = pose_message(event), transform_message(event)
+            pose, transform = pose_message(event, self._frames), transform_message(event, self._frames)
+            lasting = transform_message(event, self._frames, self._tf_ahead_ns)
         except CodecError:
             self.unpublished += 1
             return
         self._pose.put(pose)
         self._tf.put(transform)
         self._ros.put(POSE, pose)
-        self._ros.put(TF, transform)
+        self._ros.put(AMCL_POSE, pose)
+        self._ros.put(TF, lasting)
 
     def _put_map(self, data: bytes) -> None:
         self._map.put(data)

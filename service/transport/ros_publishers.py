@@ -1,4 +1,4 @@
-"""Zenoh out for ROS 2: what Nav2 needs, under the keys of rmw_zenoh or zenoh-bridge-ros2dds."""
+"""Zenoh out for ROS 2: what Nav2 has of AMCL and map_server, under the keys of rmw_zenoh or zenoh-bridge-ros2dds."""
 
 import itertools
 import time
@@ -9,7 +9,7 @@ from typing import Any
 import zenoh
 
 from wayfi.recordings.closing import Closing
-from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE
 from wayfi.service.config import ZenohConfig
 from wayfi.service.transport.latched_publisher import LatchedPublisher
 from wayfi.service.transport.ros_keys import RosTopic, attachment, gid_of, node_token, publisher_token, rmw_key
@@ -18,6 +18,8 @@ from wayfi.service.transport.zenoh_session import key_of
 POSE = RosTopic("wayfi/pose", POSE_WITH_COVARIANCE, depth=10)
 TF = RosTopic("tf", TF_MESSAGE, depth=100)
 MAP = RosTopic("map", OCCUPANCY_GRID, depth=1, latched=True)
+AMCL_POSE = RosTopic("amcl_pose", POSE_WITH_COVARIANCE, depth=1, latched=True)
+DIAGNOSTICS = RosTopic("diagnostics", DIAGNOSTIC_ARRAY, depth=10)
 
 Put = Callable[..., Any]
 
@@ -49,7 +51,7 @@ class RosPublishers(Closing):
             self._puts[topic](data)
 
     def _open_for_bridge(self, opened: ExitStack) -> None:
-        for topic in (TF, MAP):
+        for topic in (TF, MAP, AMCL_POSE, DIAGNOSTICS):
             self._puts[topic] = self._open(opened, topic, key_of(self._config, topic.name))
 
     def _open_for_rmw(self, opened: ExitStack) -> None:
@@ -57,7 +59,7 @@ class RosPublishers(Closing):
         namespace = self._config.prefix.strip("/")
         declare_token = self._session.liveliness().declare_token
         opened.enter_context(declare_token(node_token(domain, session_id, namespace)))
-        for number, topic in enumerate((POSE, TF, MAP), start=1):
+        for number, topic in enumerate((POSE, TF, MAP, AMCL_POSE, DIAGNOSTICS), start=1):
             key = rmw_key(domain, key_of(self._config, topic.name), topic.type_name)
             token = publisher_token(domain, session_id, number, namespace, topic)
             self._puts[topic] = _numbered(self._open(opened, topic, key), gid_of(token))
@@ -65,7 +67,8 @@ class RosPublishers(Closing):
 
     def _open(self, opened: ExitStack, topic: RosTopic, key: str) -> Put:
         if topic.latched:
-            return opened.enter_context(LatchedPublisher(self._session, key, zenoh.CongestionControl.BLOCK)).put
+            patience = zenoh.CongestionControl.BLOCK if topic is MAP else zenoh.CongestionControl.DROP
+            return opened.enter_context(LatchedPublisher(self._session, key, patience)).put
         urgent, cdr = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Encoding.APPLICATION_CDR
         return opened.enter_context(self._session.declare_publisher(key, encoding=cdr, priority=urgent)).put
 

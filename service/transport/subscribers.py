@@ -18,6 +18,7 @@ from wayfi.service.transport.ros_keys import rmw_key_expression
 from wayfi.service.transport.zenoh_session import key_of
 
 SYNC = "wayfi/sync"
+INITIAL_POSE = "wayfi/initialpose"
 LATCHED_SAMPLES = 1  # of each publisher: a message of static transforms holds all of its broadcaster's
 
 
@@ -25,7 +26,8 @@ class Subscribers(Closing):
     """Subscribes to the `topics` of the sensors and fills `inbox`; a context manager.
 
     A topic's key is also that of zenoh-bridge-ros2dds, with `zenoh.prefix` as its namespace. The keys of rmw_zenoh are
-    longer, so that no message is received twice; their attachments hold nothing that is needed and are not read.
+    longer, so that no message is received twice; their attachments hold nothing that is needed and are not read. An
+    initial pose is received on `wayfi/initialpose` as well.
 
     The callbacks run in Zenoh's receiving threads: messages of one sender keep their order over all topics, and a
     sender with congestion control BLOCK is slowed down rather than cut off. A query of `wayfi/sync` is answered when
@@ -42,8 +44,7 @@ class Subscribers(Closing):
         self._inbox = inbox
         with ExitStack() as opened:
             for sensor, topic in ((sensor, topic) for sensor, names in topics.items() for topic in names):
-                key = key_of(config, topic)
-                for keys in (key, rmw_key_expression(key, TYPE_OF_SENSOR[sensor])):
+                for keys in _keys(config, sensor, topic):
                     opened.enter_context(_subscribe(session, keys, sensor, _direct(self._receiver(sensor, topic))))
             opened.enter_context(session.declare_queryable(key_of(config, SYNC), _direct(_answer)))
             self._opened = opened.pop_all()
@@ -63,6 +64,13 @@ class Subscribers(Closing):
             self._inbox.put(Received(sensor, topic, encoding, sample.payload.to_bytes(), time.monotonic()))
 
         return receive
+
+
+def _keys(config: ZenohConfig, sensor: Sensor, topic: str) -> list[str]:
+    """The keys on which the messages of a sensor's topic are received."""
+    key = key_of(config, topic)
+    own = [key_of(config, INITIAL_POSE)] if sensor is Sensor.INITIAL_POSE else []
+    return [key, rmw_key_expression(key, TYPE_OF_SENSOR[sensor]), *own]
 
 
 def _subscribe(

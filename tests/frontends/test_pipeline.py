@@ -5,8 +5,8 @@ import pytest
 from drives import Simulated
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.events import Event, GridRedrawn, KeyframeAdded, PosePublished
-from wayfi.frontends.measurements import LaserScan, Odometry
+from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, KeyframeAdded, PosePublished
+from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.service.config import load_config
@@ -68,3 +68,13 @@ def test_a_first_scan_stamped_like_the_first_odometry_is_used(odometry_first: bo
     events = [event for measurement in arrivals for event in pipeline.process(measurement)]
     with_scan = [e for e in events if isinstance(e, KeyframeAdded) and len(e.points)]
     assert [e.stamp_ns for e in with_scan] == [stamp_ns]
+
+
+def test_an_initial_pose_of_a_drive_without_a_map_is_dropped_and_changes_nothing() -> None:
+    pipeline = Pipeline(load_config((), ()))
+    pipeline.process(Odometry(1_000_000_000, Pose2()))
+    (event,) = pipeline.process(InitialPose(0, Pose2(5.0, 6.0, 1.0)))
+    assert isinstance(event, Dropped)
+    assert (event.sensor, event.reason, event.stamp_ns) == (Sensor.INITIAL_POSE, DropReason.NO_MAP, 1_000_000_000)
+    published = [e for e in pipeline.process(Odometry(1_100_000_000, Pose2())) if isinstance(e, PosePublished)]
+    assert published[0].T_map_base == Pose2()

@@ -13,11 +13,13 @@ from typing import Any
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     StaticTransforms,
     WifiScan,
@@ -46,6 +48,8 @@ _SENSOR_OF: dict[type[Measurement], Sensor] = {
     WifiScan: Sensor.WIFI,
     StaticTransforms: Sensor.TF_STATIC,
     MovingTransforms: Sensor.TF,
+    PoseFix: Sensor.FIX,
+    InitialPose: Sensor.INITIAL_POSE,
 }
 
 

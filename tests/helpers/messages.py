@@ -8,11 +8,13 @@ from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.measurements import (
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     StaticTransforms,
     Transform,
@@ -34,12 +36,23 @@ def float32s(values: list[float]) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 
 @st.composite
-def odometries(draw: st.DrawFn) -> Odometry:
+def poses(draw: st.DrawFn) -> tuple[Pose2, np.ndarray[Any, np.dtype[np.float64]] | None]:
+    """A pose and its covariance."""
     pose = Pose2(draw(FLOATS), draw(FLOATS), wrap(draw(st.floats(-math.pi, math.pi))))
     root = np.array(draw(st.one_of(st.none(), st.lists(st.floats(0.1, 10.0), min_size=9, max_size=9))), dtype=object)
     covariance = None if root.shape == () else root.astype(float).reshape(3, 3) @ root.astype(float).reshape(3, 3).T
+    return pose, covariance
+
+
+@st.composite
+def odometries(draw: st.DrawFn) -> Odometry:
     twist = draw(st.tuples(FLOATS, FLOATS, FLOATS))
-    return Odometry(draw(STAMPS), pose, covariance, draw(NAMES), draw(NAMES), twist)
+    return Odometry(draw(STAMPS), *draw(poses()), draw(NAMES), draw(NAMES), twist)
+
+
+@st.composite
+def outside_poses(draw: st.DrawFn) -> PoseFix | InitialPose:
+    return draw(st.sampled_from([PoseFix, InitialPose]))(draw(STAMPS), *draw(poses()), draw(NAMES))
 
 
 @st.composite
@@ -83,7 +96,7 @@ def moving_transforms(draw: st.DrawFn) -> MovingTransforms:
 
 
 MEASUREMENTS = st.one_of(
-    odometries(), laser_scans(), point_clouds(), wifi_scans(), static_transforms(), moving_transforms()
+    odometries(), laser_scans(), point_clouds(), wifi_scans(), static_transforms(), moving_transforms(), outside_poses()
 )
 SENSOR_OF_CLASS: dict[type, Sensor] = {
     Odometry: Sensor.ODOM,
@@ -92,6 +105,8 @@ SENSOR_OF_CLASS: dict[type, Sensor] = {
     WifiScan: Sensor.WIFI,
     StaticTransforms: Sensor.TF_STATIC,
     MovingTransforms: Sensor.TF,
+    PoseFix: Sensor.FIX,
+    InitialPose: Sensor.INITIAL_POSE,
 }
 
 
@@ -108,6 +123,8 @@ EXAMPLES: list[Measurement] = [
     ),
     StaticTransforms(9, (Transform("base_link", "laser", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),)),
     MovingTransforms(9, (Transform("odom", "base_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)),), (9,)),
+    PoseFix(11, Pose2(1.0, -2.0, 3.0), np.diag([0.1, 0.2, 0.3])),
+    InitialPose(13, Pose2(1.0, -2.0, 3.0)),
 ]  # fmt: skip
 
 

@@ -10,11 +10,13 @@ import numpy as np
 from faulty.fuzzing import Mutator
 
 from wayfi.frontends.measurements import (
+    InitialPose,
     LaserScan,
     Measurement,
     MovingTransforms,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     StaticTransforms,
     Transform,
@@ -54,6 +56,10 @@ def sensor_of(measurement: Measurement) -> Sensor:
             return Sensor.TF_STATIC
         case MovingTransforms():
             return Sensor.TF
+        case PoseFix():
+            return Sensor.FIX
+        case InitialPose():
+            return Sensor.INITIAL_POSE
 
 
 def to_and_fro(drive: Sequence[Measurement]) -> Iterator[Measurement]:
@@ -102,6 +108,8 @@ def fuzzed(drive: Sequence[Measurement], messages: int, seed: int) -> Iterator[F
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))
             elif isinstance(m, Odometry):
                 latest[Sensor.TF] = encode(as_transforms(m))
+                latest[Sensor.FIX] = encode(PoseFix(m.stamp_ns, m.pose, np.eye(3)))
+                latest[Sensor.INITIAL_POSE] = encode(InitialPose(m.stamp_ns, m.pose, np.eye(3)))
             elif isinstance(m, PointCloud):
                 latest[Sensor.SCAN] = encode(_as_scan(m))
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))

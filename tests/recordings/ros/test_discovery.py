@@ -2,7 +2,14 @@
 
 from wayfi.frontends.measurements import Sensor
 from wayfi.recordings.ros.discovery import FoundTopics, find_topics
-from wayfi.recordings.ros.messages import DEFAULT_TOPICS, LASER_SCAN, ODOMETRY, POINT_CLOUD, TF_MESSAGE
+from wayfi.recordings.ros.messages import (
+    DEFAULT_TOPICS,
+    LASER_SCAN,
+    ODOMETRY,
+    POINT_CLOUD,
+    POSE_WITH_COVARIANCE,
+    TF_MESSAGE,
+)
 from wayfi.recordings.ros.topics import Channel
 
 
@@ -49,6 +56,12 @@ def test_clouds_are_sought_only_where_there_are_no_scans() -> None:
 def test_transforms_are_told_apart_by_name() -> None:
     sought = found(("/robot1/tf", TF_MESSAGE), ("/robot1/tf_static", TF_MESSAGE))
     assert sought.topics[Sensor.TF_STATIC] == "/robot1/tf_static"
+
+
+def test_poses_from_outside_are_told_apart_by_name_and_no_other_pose_is_taken_for_one() -> None:
+    sought = found(("/robot1/initialpose", POSE_WITH_COVARIANCE), ("/amcl_pose", POSE_WITH_COVARIANCE))
+    assert sought.topics == {Sensor.INITIAL_POSE: "/robot1/initialpose"}
+    assert found(("/fix", "sensor_msgs/msg/NavSatFix")) == FoundTopics({}, ())
 
 
 def test_a_fitting_type_in_an_unknown_encoding_is_told_with_what_is_taken() -> None:

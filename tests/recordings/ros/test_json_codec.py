@@ -13,6 +13,7 @@ from wayfi.frontends.measurements import (
     Measurement,
     Odometry,
     PointCloud,
+    PoseFix,
     Sensor,
     WifiScan,
 )
@@ -218,3 +219,17 @@ def test_what_begins_with_a_brace_is_json_whatever_is_said(blanks: str, spelling
 @given(MEASUREMENTS)
 def test_cdr_is_read_as_cdr_whatever_is_said(measurement: Measurement) -> None:
     assert_same(measurement, decode(encode(measurement), sensor_of(measurement), Encoding.JSON))
+
+
+def test_json_of_a_fix_needs_a_frame_and_a_pose_and_its_stamp_may_be_missing() -> None:
+    pose = {"position": {"x": 1, "y": 2}, "orientation": {"z": 0, "w": 1}}
+    sent: dict[str, Any] = {"header": {"frame_id": "map"}, "pose": {"pose": pose}}
+    fix = decode(json.dumps(sent).encode(), Sensor.FIX, Encoding.JSON)
+    assert isinstance(fix, PoseFix)
+    assert (fix.stamp_ns, fix.frame_id, fix.T_map_base.array().tolist()) == (0, "map", [1.0, 2.0, 0.0])
+    assert fix.covariance is None
+    with pytest.raises(CodecError, match=r"header\.frame_id is missing"):
+        decode(json.dumps({"pose": {"pose": pose}}).encode(), Sensor.INITIAL_POSE, Encoding.JSON)
+    sent["pose"]["covariance"] = [1, 1, 1]
+    with pytest.raises(CodecError, match="has 3 entries, not 36"):
+        decode(json.dumps(sent).encode(), Sensor.FIX, Encoding.JSON)

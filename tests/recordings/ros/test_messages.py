@@ -5,12 +5,14 @@ from wayfi.frontends.measurements import (
 )
 from wayfi.recordings.ros.messages import TYPE_OF_SENSOR, schema_text, sensor_of_type
 
+SHARES = {Sensor.TF: Sensor.TF_STATIC, Sensor.INITIAL_POSE: Sensor.FIX}  # the type of the other
+
 
 def test_types_are_known_by_every_name_they_go_by() -> None:
     for sensor, name in TYPE_OF_SENSOR.items():
         package, _, short = name.split("/")
         for form in (name, f"{package}/{short}", f"{package}::msg::dds_::{short}_"):
-            assert sensor_of_type(form) is (Sensor.TF_STATIC if sensor is Sensor.TF else sensor)  # they share a type
+            assert sensor_of_type(form) is SHARES.get(sensor, sensor)
     assert sensor_of_type("std_msgs/msg/String") is None
     assert sensor_of_type("") is None
 

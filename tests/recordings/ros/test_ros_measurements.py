@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from messages import EXAMPLES, float32s, ros_message, sensor_of
 
+from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import (
     LaserScan,
     Odometry,
+    PoseFix,
     Sensor,
     WifiScan,
 )
@@ -64,3 +66,38 @@ def test_quaternions_need_not_be_of_unit_length_and_zeros_are_nan() -> None:
     assert math.isnan(odometry_of((0, 0, 0, 0), np.zeros(36)).pose.theta)
     assert not odometry_of((math.nan, 0, 0, 1), np.zeros(36)).pose.is_finite()
     assert -math.pi <= odometry_of((0, 0, 1, 0), np.zeros(36)).pose.theta < math.pi
+
+
+def fix_of(quaternion_xyzw: tuple[float, ...], covariance: np.ndarray[Any, Any]) -> PoseFix:
+    message = ros_message(PoseFix(0, Pose2(1.0, 2.0, 0.0)))
+    message.pose.pose.orientation = new_message("geometry_msgs/msg/Quaternion", *quaternion_xyzw)
+    message.pose.covariance = covariance
+    data = bytes(TYPESTORE.serialize_cdr(message, TYPE_OF_SENSOR[Sensor.FIX]))
+    decoded = decode(data, Sensor.FIX, Encoding.CDR)
+    assert isinstance(decoded, PoseFix)
+    return decoded
+
+
+def test_a_pose_from_outside_has_the_planar_covariance_of_its_message_whatever_that_holds() -> None:
+    full = np.arange(36.0)
+    assert fix_of((0, 0, 0, 1), full).covariance == pytest.approx(np.array([[0, 1, 5], [6, 7, 11], [30, 31, 35]]))
+    assert fix_of((0, 0, 0, 1), np.zeros(36)).covariance is None
+    unsound = fix_of((0, 0, 0, 1), np.full(36, np.nan)).covariance
+    assert unsound is not None
+    assert np.isnan(unsound).all()
+
+
+def test_a_pose_from_outside_may_lean_but_not_lie_on_its_side() -> None:
+    leaning, lying = ((0, math.sin(tilt / 2), 0, math.cos(tilt / 2)) for tilt in (0.2, math.pi / 2))
+    assert fix_of(leaning, np.zeros(36)).T_map_base.theta == pytest.approx(0.0)
+    with pytest.raises(CodecError, match=r"tilted by 1\.57 rad; give that of the base"):
+        fix_of(lying, np.zeros(36))
+    with pytest.raises(CodecError, match="tilted by 3"):
+        fix_of((1, 0, 0, 0), np.zeros(36))
+
+
+def test_quaternions_of_poses_from_outside_are_normalised_and_zeros_are_nan() -> None:
+    turned = fix_of((0, 0, 3 * math.sin(0.5), 3 * math.cos(0.5)), np.zeros(36))
+    assert turned.T_map_base.theta == pytest.approx(1.0)
+    for unknown in ((0, 0, 0, 0), (math.nan, 0, 0, 1)):
+        assert not fix_of(unknown, np.zeros(36)).T_map_base.is_finite()

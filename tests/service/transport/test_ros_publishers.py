@@ -19,15 +19,17 @@ from wayfi.backend.graph.health import State
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import GridRedrawn, PosePublished
+from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.measurements import SECOND_NS, Sensor, StaticTransforms
 from wayfi.recordings.ros.codec import decode
-from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
+from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, OCCUPANCY_GRID, POSE_WITH_COVARIANCE, TF_MESSAGE, TYPESTORE
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import ConfigError, ZenohConfig, load_config
-from wayfi.service.transport.output_messages import map_message
+from wayfi.service.transport.output_messages import ERROR, Status, map_message
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
+AHEAD_NS = round(ZenohConfig().tf_ahead_s * SECOND_NS)
 GRID = GridRedrawn(7 * SECOND_NS, np.array([[0.1, 0.5, 0.9]], np.float32), 0.05, (-1.0, 2.0))
 
 
@@ -99,7 +101,7 @@ def _check_messages(poses: list[bytes], transforms: list[bytes], grid: bytes) ->
     for number, data in enumerate(transforms):
         read = decode(data, Sensor.TF_STATIC, Encoding.CDR)
         assert isinstance(read, StaticTransforms)
-        assert read.stamp_ns == (number + 1) * SECOND_NS
+        assert read.stamp_ns == (number + 1) * SECOND_NS + AHEAD_NS
         assert [(t.frame_id, t.child_frame_id) for t in read.transforms] == [("map", "odom")]
     message = TYPESTORE.deserialize_cdr(grid, OCCUPANCY_GRID)
     assert message.data.tolist() == [0, -1, 100]
@@ -110,17 +112,23 @@ def _ros_tokens(peer: zenoh.Session, domain: int) -> set[str]:
     return {str(reply.ok.key_expr) for reply in replies if reply.ok}
 
 
-def test_an_rmw_peer_sees_a_node_with_three_publishers_as_long_as_they_are_there() -> None:
+def test_an_rmw_peer_sees_a_node_with_its_publishers_as_long_as_they_are_there() -> None:
     config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix="bot7", ros="rmw")
     with open_session(config) as session, open_guest_session(config) as peer:
         with Publishers(session, config):
-            eventually(lambda: len(_ros_tokens(peer, 0)) == 4)
+            eventually(lambda: len(_ros_tokens(peer, 0)) == 6)
             tokens = [token.split("/") for token in _ros_tokens(peer, 0)]
             assert {token[2] for token in tokens} == {str(session.info.zid())}
             assert {(token[7], token[8]) for token in tokens} == {("%bot7", "wayfi")}
             named = {token[9]: token[12] for token in tokens if token[5] == "MP"}
         eventually(lambda: not _ros_tokens(peer, 0))
-    assert named == {"%bot7%wayfi%pose": "::,10:,:,:,,", "%bot7%tf": "::,100:,:,:,,", "%bot7%map": ":1:,1:,:,:,,"}
+    assert named == {
+        "%bot7%wayfi%pose": "::,10:,:,:,,",
+        "%bot7%tf": "::,100:,:,:,,",
+        "%bot7%map": ":1:,1:,:,:,,",
+        "%bot7%amcl_pose": ":1:,1:,:,:,,",
+        "%bot7%diagnostics": "::,10:,:,:,,",
+    }
 
 
 @pytest.mark.parametrize("prefix", ["", "bot7"])
@@ -156,6 +164,38 @@ def test_without_ros_nothing_is_put_for_it() -> None:
             time.sleep(0.3)  # in which others would come
             assert not _ros_tokens(peer, 0)
     assert keys == {"wayfi/pose", "wayfi/tf", "wayfi/map"}
+
+
+@pytest.mark.parametrize("ros", ["bridge", "rmw"])
+def test_nav2_gets_what_it_has_of_amcl_in_the_frames_that_are_set(ros: str) -> None:
+    config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix="bot7", ros=ros, tf_ahead_s=1.0)  # type: ignore[arg-type]
+    frames = FramesConfig(map="hall", odom="bot7/odom", base_link="bot7/base_link")
+    types = {"tf": TF_MESSAGE, "amcl_pose": POSE_WITH_COVARIANCE, "diagnostics": DIAGNOSTIC_ARRAY}
+    keys = {n: key_of(config, n) if ros == "bridge" else rmw_key_in(0, f"bot7/{n}", t) for n, t in types.items()}
+    heard, late, own = {name: Heard() for name in types}, Heard(), Heard()
+    with open_session(config) as session, open_guest_session(config) as peer:
+        for name, key in keys.items():
+            peer.declare_subscriber(key, heard[name])
+        peer.declare_subscriber("bot7/wayfi/tf", own)
+        with Publishers(session, config, frames) as publishers:
+            eventually(lambda: _publish_all(publishers) or (own.samples and all(of.samples for of in heard.values())))
+            with open_guest_session(config) as newcomer:
+                joined = listen_as_transient_local(newcomer, keys["amcl_pose"], late)
+                eventually(lambda: late.samples)
+                joined.undeclare()
+    pose = TYPESTORE.deserialize_cdr(late.samples[0][0], POSE_WITH_COVARIANCE)
+    assert (pose.header.frame_id, pose.header.stamp.sec) == ("hall", 1)
+    ahead, at_once = (decode(of.samples[0][0], Sensor.TF_STATIC, Encoding.CDR) for of in (heard["tf"], own))
+    assert isinstance(ahead, StaticTransforms)
+    assert [(t.frame_id, t.child_frame_id) for t in ahead.transforms] == [("hall", "bot7/odom")]
+    assert (ahead.stamp_ns, at_once.stamp_ns) == (2 * SECOND_NS, SECOND_NS)
+    (status,) = TYPESTORE.deserialize_cdr(heard["diagnostics"].samples[0][0], DIAGNOSTIC_ARRAY).status
+    assert (status.name, status.message) == ("wayfi", "LOST: no odometry")
+
+
+def _publish_all(publishers: Publishers) -> None:
+    publishers.publish_pose(pose_event(0))
+    publishers.publish_status(SECOND_NS, Status(ERROR, "LOST: no odometry", {"state": "LOST"}))
 
 
 @pytest.mark.parametrize("setting", ["zenoh.ros=dds", "zenoh.ros=1", "zenoh.ros_domain=-1", "zenoh.ros_domain=233"])

@@ -16,7 +16,7 @@ from zenoh.ext import (
 )
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor, StaticTransforms, Transform
+from wayfi.frontends.measurements import SECOND_NS, InitialPose, Odometry, PoseFix, Sensor, StaticTransforms, Transform
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import RecordingConfig, ZenohConfig
@@ -25,6 +25,7 @@ from wayfi.service.transport.subscribers import SYNC, Subscribers
 from wayfi.service.transport.zenoh_session import key_of, open_guest_session, open_session
 
 ODOM_TYPE = "nav_msgs::msg::dds_::Odometry_"
+POSE_TYPE = "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"
 TF_TYPE = "tf2_msgs::msg::dds_::TFMessage_"
 HASH = "RIHS01_" + "0123456789abcdef" * 4  # of some other release of ROS
 GID = bytes(range(16))
@@ -167,3 +168,18 @@ def test_all_of_several_topics_are_received_and_told_apart() -> None:
         daemon.put("bot7/scan", b"neither")
         assert daemon.popped() == [(Sensor.SCAN, Encoding.CDR, b"rear"), (Sensor.SCAN, Encoding.CDR, b"front")]
         assert {t: n for t, n in daemon.inbox.received().items() if n} == {"/scan_front": 1, "/scan_rear": 1}
+
+
+def test_initial_poses_come_on_our_key_and_on_those_of_ros_2(daemon: Listening) -> None:
+    poses = [encode(InitialPose(number, Pose2(number, 0.0, 0.0))) for number in range(3)]
+    ours, ros = (key_of(daemon.config, name) for name in ("wayfi/initialpose", "initialpose"))
+    for key, data in zip((ours, ros, f"0/{ros}/{POSE_TYPE}/{HASH}"), poses, strict=True):
+        daemon.put(key, data, attachment=rmw_attachment(1))
+    assert daemon.popped() == [(Sensor.INITIAL_POSE, Encoding.CDR, data) for data in poses]
+
+
+def test_fixes_are_told_apart_from_other_poses(daemon: Listening) -> None:
+    fix = encode(PoseFix(1, Pose2()))
+    for key in ("fix", "amcl_pose", "wayfi/pose"):
+        daemon.put(key_of(daemon.config, key), fix)
+    assert daemon.popped() == [(Sensor.FIX, Encoding.CDR, fix)]
