@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+from wayfi.backend.pose2 import Pose2, compose_all
 from wayfi.frontends.measurements import Measurement, Sensor
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.blocks import Record
@@ -27,9 +28,10 @@ SENSORS = {topic: sensor for sensor, topic in DEFAULT_TOPICS.items()}
 
 @dataclass(frozen=True)
 class Drive:
-    """A recording with its truth, in `folder`."""
+    """A recording with its truth, in `folder`; `T_old_base` is the base_link of the truth in that of the file."""
 
     folder: Path
+    T_old_base: Pose2 = Pose2()
 
     @property
     def name(self) -> str:
@@ -44,13 +46,18 @@ class Drive:
     @cached_property
     def truth(self) -> Trajectory:
         """Where the robot was."""
-        return read_tum(self.folder / "truth.tum")
+        truth = read_tum(self.folder / "truth.tum")
+        return Trajectory(truth.stamps_ns, compose_all(truth.poses, self.T_old_base.array()))
+
+    def seen_from(self, T_old_base: Pose2) -> "Drive":
+        """The same drive with the truth of a base_link that is elsewhere on the robot."""
+        return Drive(self.folder, T_old_base)
 
 
 def simulated(kept: Path, world: str, seed: int, session: int, *options: str) -> Drive:
     """A drive of the other simulator, made in `kept`/drives if it is not there; `session` 0 is the first day."""
-    rough = "r" if "--rough" in options else ""
-    folder = kept / "drives" / f"{world}{rough}-{seed}-s{session}"
+    marks = "".join(mark for option, mark in (("--rough", "r"), ("--hard-wifi", "h")) if option in options)
+    folder = kept / "drives" / f"{world}{marks}-{seed}-s{session}"
     if not folder.exists():
         unfinished = folder.with_suffix(f".{os.getpid()}.part")
         unfinished.parent.mkdir(parents=True, exist_ok=True)

@@ -26,6 +26,11 @@ class KnownMap:
     T_truth_map: Pose2
     ate_m: float
 
+    @property
+    def bssids(self) -> list[str]:
+        """The addresses of the access points that it knows, sorted."""
+        return sorted({bssid for f in self.building.fingerprints for bssid in f.readings.bssids})
+
 
 def map_of(kept: Path, drive: Drive, until_ns: int = FOREVER_NS, config: SlamConfig | None = None) -> KnownMap:
     """The map that `drive` makes until `until_ns`: kept as `kept`/NAME.pickle and NAME.tum, made if they are not there.
