@@ -2,10 +2,8 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, RelativeFactor
 from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, pose_of_common_place
@@ -23,35 +21,51 @@ def g2o_text(poses: Floats, factors: Iterable[Factor], calibration: Floats) -> s
     A wheel factor is written with the motion that `calibration` (4,) gives; a factor of one keyframe is no edge. g2o
     expects the information matrix of an edge in the axes of its second pose.
     """
-    lines = [f"VERTEX_SE2 {k} {_numbers(pose)}" for k, pose in enumerate(poses)]
-    lines += [_edge(factor, poses, calibration) for factor in factors if not isinstance(factor, AxisFactor)]
+    lines = [f"VERTEX_SE2 {k} {numbers}" for k, numbers in enumerate(_numbers(poses))]
+    edges = [factor for factor in factors if not isinstance(factor, AxisFactor)]
+    motions = [_motion(factor, poses, calibration) for factor in edges]
+    numbers = _numbers(np.column_stack([np.array(motions).reshape(-1, 3), _informations(edges, motions)]))
+    lines += [f"EDGE_SE2 {edge.a} {edge.b} {of_edge}" for edge, of_edge in zip(edges, numbers, strict=True)]
     if len(poses):
         lines.append("FIX 0")  # last, because some readers stop at it
     return "\n".join(lines) + "\n"
 
 
-def _edge(factor: RelativeFactor, poses: Floats, calibration: Floats) -> str:
+def _motion(factor: RelativeFactor, poses: Floats, calibration: Floats) -> tuple[float, float, float]:
+    """x, y and theta from a to b."""
     if isinstance(factor, NearFactor):
-        T, information = _near(factor, poses)
+        T = pose_of_common_place(factor.place_a, factor.place_b, _turned(factor, poses))
     else:
         T = factor.T_a_b if isinstance(factor, BetweenFactor) else factor.motion.corrected(calibration)
-        information = _information(T, factor.covariance)
-    upper = information[np.triu_indices(3)]
-    return f"EDGE_SE2 {factor.a} {factor.b} {_numbers(T.array())} {_numbers(upper)}"
+    return T.x, T.y, T.theta
 
 
-def _information(T_a_b: Pose2, covariance: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(covariance_in_b(covariance, T_a_b.theta)), np.float64)
+def _turned(factor: NearFactor, poses: Floats) -> float:
+    return Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
 
 
-def _near(factor: NearFactor, poses: Floats) -> tuple[Pose2, Floats]:
-    """The edge of two coinciding points, with the poses' own heading: rank 2, the rotation about them is free."""
-    turned = Pose2.of(poses[factor.a]).between(Pose2.of(poses[factor.b])).theta
+def _informations(edges: list[RelativeFactor], motions: list[tuple[float, float, float]]) -> Floats:
+    """(n, 6) upper halves of the information matrices of edges with these motions."""
+    matrices = np.empty((len(edges), 3, 3))
+    covariances: dict[int, Floats] = {}
+    for k, edge in enumerate(edges):
+        if isinstance(edge, NearFactor):
+            matrices[k] = _near_information(edge)
+        else:
+            covariances[k] = covariance_in_b(edge.covariance, motions[k][2])
+    matrices[list(covariances)] = np.linalg.inv(np.array(list(covariances.values())).reshape(-1, 3, 3))
+    upper = np.triu_indices(3)
+    halves: Floats = matrices[:, upper[0], upper[1]]
+    return halves
+
+
+def _near_information(factor: NearFactor) -> Floats:
+    """That of two coinciding points, with the poses' own heading: rank 2, the rotation about them is free."""
     moved = np.column_stack([np.eye(2), (-factor.place_b[1], factor.place_b[0])])
-    return pose_of_common_place(factor.place_a, factor.place_b, turned), np.asarray(
-        moved.T @ moved / factor.sigma_m**2, np.float64
-    )
+    return np.asarray(moved.T @ moved / factor.sigma_m**2, np.float64)
 
 
-def _numbers(values: NDArray[np.floating[Any]]) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
+def _numbers(rows: Floats) -> list[str]:
+    """The numbers of each row of (n, m), as text."""
+    form = " ".join(["%.9g"] * rows.shape[1])
+    return [form % tuple(row) for row in rows.tolist()]

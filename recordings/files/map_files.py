@@ -9,7 +9,7 @@ from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import GridRedrawn
-from wayfi.recordings.files.atomic_files import write_bytes
+from wayfi.recordings.files.atomic_files import write_bytes, write_text
 
 GRID_FILES = ("map.pgm", "map.yaml")
 OCCUPIED, FREE = 0, 254
@@ -20,7 +20,8 @@ UNKNOWN = 128
 
 def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
     """Write map.pgm, map.yaml and map.png, with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
-    write_grid(directory, GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config)
+    for name, data in grid_files(grid, config).items():
+        write_bytes(directory / name, data)
     from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
 
     write_bytes(directory / "map.png", map_png(grid, path_xy_m))
@@ -28,15 +29,17 @@ def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m
 
 def write_grid(directory: Path, redrawn: GridRedrawn, config: MapConfig) -> None:
     """Write map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
-    for name, data in grid_files(redrawn, config).items():
-        write_bytes(directory / name, data)
+    pgm, yaml = GRID_FILES
+    write_bytes(directory / pgm, _pgm(_greys(redrawn.occupancy, config)))
+    write_text(directory / yaml, _yaml(redrawn.resolution_m, redrawn.origin_xy_m, config))
 
 
-def grid_files(redrawn: GridRedrawn, config: MapConfig) -> dict[str, bytes]:
-    """The bytes of map.pgm and map.yaml of a redrawn grid."""
-    return dict(
-        zip(GRID_FILES, (_pgm(_greys(redrawn.occupancy, config)), _yaml(redrawn, config).encode()), strict=True)
-    )
+def grid_files(grid: OccupancyGrid, config: MapConfig) -> dict[str, bytes]:
+    """The bytes of map.pgm and map.yaml of a grid."""
+    every = OccupancyGrid(np.arange(256, dtype=np.uint8).view(np.int8), grid.resolution_m, grid.origin_xy_m)
+    greys = np.take(_greys(every.probability(), config), grid.evidence.view(np.uint8), mode="clip")
+    yaml = _yaml(grid.resolution_m, grid.origin_xy_m, config)
+    return dict(zip(GRID_FILES, (_pgm(greys), yaml.encode()), strict=True))
 
 
 def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:
@@ -52,12 +55,12 @@ def _pgm(greys: NDArray[np.uint8]) -> bytes:
     return f"P5\n{columns} {rows}\n255\n".encode() + greys[::-1].tobytes()
 
 
-def _yaml(redrawn: GridRedrawn, config: MapConfig) -> str:
-    x, y = redrawn.origin_xy_m
+def _yaml(resolution_m: float, origin_xy_m: tuple[float, float], config: MapConfig) -> str:
+    x, y = origin_xy_m
     return (
         "image: map.pgm\n"
         "mode: trinary\n"
-        f"resolution: {redrawn.resolution_m!r}\n"
+        f"resolution: {resolution_m!r}\n"
         f"origin: [{x:.6f}, {y:.6f}, 0.0]\n"
         "negate: 0\n"
         f"occupied_thresh: {config.occupied_probability!r}\n"

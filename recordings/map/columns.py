@@ -40,7 +40,7 @@ def parquet(columns: Mapping[str, Column | NDArray[Any]], small_numbers: Sequenc
 
 def read_parquet(data: bytes, dictionaries: Sequence[str] = ()) -> "Table":
     """The table in a Parquet file; the columns in `dictionaries` are of few different words. Raises ValueError."""
-    return Table(pq.read_table(pa.BufferReader(data), read_dictionary=list(dictionaries), use_threads=False))
+    return Table(pq.ParquetFile(pa.BufferReader(data), read_dictionary=list(dictionaries)).read(use_threads=False))
 
 
 class Table:
@@ -67,10 +67,14 @@ class Table:
         """Values as Python's own; None where there is none."""
         return list(self._table.column(name).to_pylist())
 
+    def flat(self, name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+        """The numbers of all rows of a column of lists, and (n + 1,) where each row begins, and the last ends."""
+        column = self._whole(name)
+        return np.asarray(column.values.to_numpy(zero_copy_only=False)), np.asarray(column.offsets.to_numpy())
+
     def lists(self, name: str) -> list[NDArray[Any]]:
         """An array for each row of a column of lists of numbers."""
-        column = self._whole(name)
-        return _rows(np.asarray(column.values.to_numpy(zero_copy_only=False)), column.offsets.to_numpy())
+        return split(*self.flat(name))
 
     def words(self, name: str) -> list[tuple[str, ...]]:
         """The words of each row of a column of lists, which was read as one of few different words."""
@@ -95,15 +99,14 @@ def word_lists(rows: Sequence[Sequence[str]]) -> Column:
     return pa.ListArray.from_arrays(_offsets(rows), pa.array([word for row in rows for word in row], pa.string()))
 
 
+def split(values: NDArray[Any], offsets: NDArray[Any]) -> list[NDArray[Any]]:
+    """The `values` of each row, of which row k is `offsets[k]` to `offsets[k + 1]`."""
+    return [values[a:b] for a, b in pairwise(offsets.tolist())]
+
+
 def quanta(values: NDArray[Any], per_unit: int) -> NDArray[np.int32]:
     """Values as whole numbers of their quantum, which goes `per_unit` times into their unit."""
     return np.rint(values * np.float64(per_unit)).astype(np.int32)
-
-
-def from_quanta(x: NDArray[Any], y: NDArray[Any], per_unit: int) -> Floats:
-    """(n, 2) values of two columns of quanta."""
-    pairs: Floats = np.column_stack([x, y]) / np.float64(per_unit)
-    return pairs
 
 
 def utc(stamp_ns: int) -> str:
@@ -117,8 +120,3 @@ def _column(values: Column | NDArray[Any]) -> Column:
 
 def _offsets(rows: Sequence[Any]) -> Column:
     return pa.array(np.concatenate([[0], np.cumsum([len(row) for row in rows], dtype=np.int64)]).astype(np.int32))
-
-
-def _rows(values: NDArray[Any], offsets: NDArray[Any]) -> list[NDArray[Any]]:
-    ends = offsets.tolist()
-    return [values[a:b] for a, b in pairwise(ends)]

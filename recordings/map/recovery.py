@@ -1,18 +1,16 @@
 """What stands in for the damaged files of a map."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.grid.grid_map import GridMap
-from wayfi.backend.grid.map_config import MapConfig
-from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.maps.building_map import MapKeyframe
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
+from wayfi.recordings.map.closure_table import KeptClosure
 
 BRIDGE = np.diag([0.05, 0.05, 0.02]) ** 2  # m, rad: the poses are as good as the whole graph was, a step is better
 
@@ -30,17 +28,16 @@ def _step_to(b: int, poses: Floats) -> BetweenFactor:
     return BetweenFactor(b - 1, b, Pose2.of(poses[b - 1]).between(Pose2.of(poses[b])), BRIDGE)
 
 
+def renumbered(closures: Iterable[KeptClosure]) -> list[KeptClosure]:
+    """The closures that are left, each with its number among them."""
+    return [
+        (replace(closure, judged=replace(closure.judged, closure=k)), vetoed)
+        for k, (closure, vetoed) in enumerate(closures)
+    ]
+
+
 def calibration_of(calibrations: Floats) -> Calibration:
     """The wheels as they were at the newest keyframe, as uncertain as before a first drive; no receivers."""
     prior = calibration_prior(OdometryConfig())
     values = calibrations[-1] if len(calibrations) else prior.values
     return Calibration(WheelCalibration(values, prior.sigmas), {})
-
-
-def redrawn(keyframes: Sequence[MapKeyframe], poses: Floats) -> OccupancyGrid:
-    """The grid of the scans that are left."""
-    grid = GridMap(MapConfig())
-    for keyframe in keyframes:
-        laser = keyframe.scan.T_base_laser if keyframe.scan else Pose2()
-        grid.add(keyframe.hits, (laser.x, laser.y))
-    return grid.settle(poses)

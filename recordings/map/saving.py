@@ -7,8 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from wayfi.backend.grid.map_config import MapConfig
-from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.optimising import factors_in_force
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.files.g2o import g2o_text
 from wayfi.recordings.files.map_files import grid_files
@@ -98,8 +98,8 @@ def _whole_files(building: BuildingMap, config: MapConfig) -> Iterator[tuple[str
     yield ACCESS_POINTS, access_point_table(building.weights)
     yield GRID, grid_table(building.grid)
     yield CALIBRATION, calibration_toml(building.calibration).encode()
-    yield GRAPH, g2o_text(building.poses, building.factors.values(), building.calibration.wheels.values).encode()
-    yield from grid_files(grid_event(0, building.grid), config).items()
+    yield GRAPH, g2o_text(building.poses, factors_in_force(building), building.calibration.wheels.values).encode()
+    yield from grid_files(building.grid, config).items()
 
 
 def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksum]) -> Manifest:

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from wayfi.backend.grid.drawing import Points
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.scan_points import ScanPoints
-from wayfi.recordings.map.columns import PER_M, PER_RAD, UNKNOWN_NORMAL, Table, from_quanta, lists, parquet, quanta
+from wayfi.recordings.map.columns import PER_M, PER_RAD, UNKNOWN_NORMAL, Table, lists, parquet, quanta, split
 
 KeptScan = tuple[ScanPoints | None, Points]  # the points for matching, if any, and the hits for the grid
 NO_POINTS = ScanPoints(np.empty((0, 2)), np.empty((0, 2)), Pose2())
@@ -36,9 +36,10 @@ def scan_table(numbers: Sequence[int], scans: Sequence[KeptScan]) -> bytes:
 
 def read_scans(table: Table) -> dict[int, KeptScan]:
     """The scan of each keyframe in a table. Raises KeyError or ValueError for a table of another kind."""
-    points, hits = _of_mm(table, "point"), [xy.astype(np.float32) for xy in _of_mm(table, "hit")]
+    points, hits = _of_mm(table, "point", np.float64), _of_mm(table, "hit", np.float32)
     lasers = [Pose2(*row) for row in table.matrix(["laser_x_m", "laser_y_m", "laser_theta_rad"]).tolist()]
-    normals = [_normals(directions) for directions in table.lists("normal_0.1mrad")]
+    directions, ends = table.flat("normal_0.1mrad")
+    normals = split(_normals(directions), ends)
     rows = zip(table.values("keyframe"), table.values("matched"), points, normals, lasers, hits, strict=True)
     return {k: (ScanPoints(p, n, laser) if matched else None, h) for k, matched, p, n, laser, h in rows}
 
@@ -48,9 +49,11 @@ def _in_mm(name: str, points: Sequence[NDArray[Any]]) -> dict[str, Any]:
     return {f"{name}_x_mm": lists([p[:, 0] for p in mm]), f"{name}_y_mm": lists([p[:, 1] for p in mm])}
 
 
-def _of_mm(table: Table, name: str) -> list[Floats]:
-    columns = zip(table.lists(f"{name}_x_mm"), table.lists(f"{name}_y_mm"), strict=True)
-    return [from_quanta(x, y, PER_M) for x, y in columns]
+def _of_mm(table: Table, name: str, dtype: DTypeLike) -> list[NDArray[Any]]:
+    (x, ends), (y, _) = table.flat(f"{name}_x_mm"), table.flat(f"{name}_y_mm")
+    points = np.empty((len(x), 2), dtype)
+    points[:, 0], points[:, 1] = x / np.float64(PER_M), y / np.float64(PER_M)
+    return split(points, ends)
 
 
 def _directions(normals: Floats) -> NDArray[np.int32]:
@@ -62,5 +65,6 @@ def _directions(normals: Floats) -> NDArray[np.int32]:
 
 
 def _normals(directions: NDArray[np.int32]) -> Floats:
+    """(n, 2) unit normals of directions in 0.1 mrad."""
     angles = np.where(directions == UNKNOWN_NORMAL, np.nan, directions / PER_RAD)
     return np.column_stack([np.cos(angles), np.sin(angles)])

@@ -6,14 +6,15 @@ import numpy as np
 
 from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
+from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
+from wayfi.frontends.maps.optimising import drawn
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.wifi.readings import Readings
 from wayfi.frontends.wifi.receivers import ReceiverOffset
-from wayfi.recordings.map.recovery import redrawn
 
 FIRST_NS = 1_700_000_000_123_456_789
 
@@ -32,7 +33,7 @@ def made_up_map(keyframes: int, seed: int = 0, beams: int = 40) -> BuildingMap:
         [_closure(k, chance) for k in range(keyframes // 10)], fingerprints,
         {bssid: float(chance.uniform()) for bssid in bssids},
         Calibration(WheelCalibration(chance.normal(0, 0.01, 4), np.full(4, 0.1)), {"wlan0": ReceiverOffset(0.0, 0.0)}),
-        redrawn(kept, poses), (5,) if keyframes > 5 else (), frozenset({1} if keyframes >= 20 else ()),
+        drawn(kept, poses, MapConfig()), (5,) if keyframes > 5 else (), frozenset({1} if keyframes >= 20 else ()),
     )  # fmt: skip
 
 
