@@ -1,0 +1,161 @@
+"""What the search of the whole map compares with: its walls as a likelihood field, and where a robot can be.
+
+The field is kept at growing block sizes, each cell with the greatest value of the block, so that the score of a block
+of poses is never below that of a pose in it (Hess et al., Cartographer, ICRA 2016).
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wayfi.backend.grid.occupancy_grid import OccupancyGrid
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.localization.search_config import MapSearchConfig
+from wayfi.frontends.maps.building_map import BuildingMap
+
+LEVELS = 4  # the largest block has 2 ** (LEVELS - 1) cells a side, 1.6 m: larger ones have a wall nearly everywhere
+FULL = 255  # the likelihood of a point on a wall
+SUB = 2  # parts of a cell's side that a wall's points are told apart by
+SLICE = 200  # scans placed at once
+FREE = -2  # evidence of a cell that more than one ray has passed
+NEAR_CELLS = 1  # of the grid, from a point: its wall may be drawn in the next cell
+
+
+class PlaceField(NamedTuple):
+    """The likelihood of a point in each cell of side `cell_m`, and the cells where a robot can be; rows run along x.
+
+    `pooled[k][r, c]` uint8 is the greatest likelihood of the 2**k x 2**k cells from (r - 2**k + 1, c - 2**k + 1) on.
+    `open[k][i, j]` tells whether a robot can be in any of the 2**k x 2**k cells from (i * 2**k, j * 2**k) on. The lower
+    corner of cell (0, 0) is `origin` (2,) m in `map`.
+    """
+
+    pooled: tuple[NDArray[np.uint8], ...]
+    open: tuple[NDArray[np.bool_], ...]
+    origin: Floats
+    cell_m: float
+
+
+def building_steps(building: BuildingMap, config: MapSearchConfig) -> Iterator[PlaceField | None]:
+    """Build the field of a map step by step, each step a few milliseconds; the last one yields it."""
+    numbers = [k for k, keyframe in enumerate(building.keyframes) if keyframe.scan is not None and _finite(building, k)]
+    places = building.poses[numbers, :2]
+    origin, shape = _extent(places, building.grid, config)
+    walls = np.zeros((shape[0] * SUB, shape[1] * SUB), np.bool_)
+    for start in range(0, len(numbers), SLICE):
+        for k in numbers[start : start + SLICE]:
+            scan = building.keyframes[k].scan
+            assert scan is not None
+            points = Pose2.of(building.poses[k]).transform(scan.points)
+            _mark(walls, _still_there(points, building.grid), origin, config.cell_m / SUB)
+        yield None
+    fine = _blurred(walls, config.blur_m / config.cell_m)
+    yield None
+    pooled = [fine]
+    for k in range(1, LEVELS):
+        pooled.append(_pooled(pooled[-1], 2 ** (k - 1)))
+        yield None
+    open_levels = [_open_cells(building.grid, places, origin, shape, config.cell_m)]
+    for _ in range(1, LEVELS):
+        open_levels.append(_halved(open_levels[-1]))
+    yield PlaceField(tuple(pooled), tuple(open_levels), origin, config.cell_m)
+
+
+def _finite(building: BuildingMap, keyframe: int) -> bool:
+    return bool(np.isfinite(building.poses[keyframe]).all())
+
+
+def _extent(places: Floats, grid: OccupancyGrid, config: MapSearchConfig) -> tuple[Floats, tuple[int, int]]:
+    """The lower corner of the field (m), and its cells along x and y: those of the grid, and of the keyframes."""
+    rows, columns = grid.evidence.shape
+    low = np.array(grid.origin_xy_m)
+    corners = np.vstack([low, low + grid.resolution_m * np.array([columns, rows]), places])
+    low = corners.min(axis=0) - config.cell_m
+    x, y = np.ceil((corners.max(axis=0) - low) / config.cell_m).astype(int) + 1
+    return low, (int(x), int(y))
+
+
+def _still_there(points: Floats, grid: OccupancyGrid) -> Floats:
+    """The points (n, 2) m that no later scan has looked through: the grid is not free around them."""
+    columns, rows = np.floor((points - grid.origin_xy_m) / grid.resolution_m).astype(np.int64).T
+    return points[_is_near_wall(grid.evidence, rows, columns)]
+
+
+@njit(cache=True)
+def _is_near_wall(evidence: NDArray[np.int8], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) whether evidence of at least 0 is within NEAR_CELLS of each cell, or the cell is beyond the grid."""
+    kept = np.zeros(rows.shape[0], np.bool_)
+    for i in range(rows.shape[0]):
+        r, c = rows[i], columns[i]
+        for near_r in range(r - NEAR_CELLS, r + NEAR_CELLS + 1):
+            for near_c in range(c - NEAR_CELLS, c + NEAR_CELLS + 1):
+                inside = 0 <= near_r < evidence.shape[0] and 0 <= near_c < evidence.shape[1]
+                if not inside or evidence[near_r, near_c] >= 0:
+                    kept[i] = True
+    return kept
+
+
+@njit(cache=True)
+def _mark(walls: NDArray[np.bool_], points: Floats, origin: Floats, cell_m: float) -> None:
+    for i in range(points.shape[0]):
+        r, c = np.floor((points[i, 0] - origin[0]) / cell_m), np.floor((points[i, 1] - origin[1]) / cell_m)
+        if 0 <= r < walls.shape[0] and 0 <= c < walls.shape[1]:
+            walls[int(r), int(c)] = True
+
+
+@njit(cache=True)
+def _blurred(walls: NDArray[np.bool_], sigma_cells: float) -> NDArray[np.uint8]:
+    """The Gaussian of the distance of each cell's middle from the nearest wall, up to two sigmas."""
+    rows, columns = walls.shape[0] // SUB, walls.shape[1] // SUB
+    reach = math.ceil(2 * sigma_cells)
+    field = np.zeros((rows, columns), np.uint8)
+    for i in range(walls.shape[0]):
+        for j in range(walls.shape[1]):
+            if not walls[i, j]:
+                continue
+            r0, c0 = i // SUB, j // SUB
+            for r in range(max(r0 - reach, 0), min(r0 + reach + 1, rows)):
+                for c in range(max(c0 - reach, 0), min(c0 + reach + 1, columns)):
+                    dr, dc = r + 0.5 - (i + 0.5) / SUB, c + 0.5 - (j + 0.5) / SUB
+                    d2 = (dr * dr + dc * dc) / (sigma_cells * sigma_cells)
+                    if d2 <= 4.0:
+                        field[r, c] = max(field[r, c], np.uint8(FULL * np.exp(-0.5 * d2)))
+    return field
+
+
+@njit(cache=True)
+def _pooled(block: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:
+    """The field of blocks of twice the `side`, each ending at its own cell, of the field of blocks of one `side`."""
+    rows, columns = block.shape
+    pooled = np.zeros((rows + side, columns + side), np.uint8)
+    for r in range(rows):
+        for c in range(columns):
+            value = block[r, c]
+            pooled[r, c] = max(pooled[r, c], value)
+            pooled[r + side, c] = max(pooled[r + side, c], value)
+            pooled[r, c + side] = max(pooled[r, c + side], value)
+            pooled[r + side, c + side] = max(pooled[r + side, c + side], value)
+    return pooled
+
+
+def _open_cells(
+    grid: OccupancyGrid, places: Floats, origin: Floats, shape: tuple[int, int], cell_m: float
+) -> NDArray[np.bool_]:
+    """(rows, columns) where a robot can be: where the grid has a free cell, and where one was, `places` (n, 2) m."""
+    cells = np.zeros(shape, np.bool_)
+    rows, columns = np.nonzero(grid.evidence <= FREE)
+    free = np.array(grid.origin_xy_m) + grid.resolution_m * (np.column_stack([columns, rows]) + 0.5)
+    _mark(cells, np.concatenate([free, places]), origin, cell_m)
+    return cells
+
+
+def _halved(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether any of each 2 x 2 cells is set."""
+    rows, columns = cells.shape
+    padded = np.zeros((rows + rows % 2, columns + columns % 2), np.bool_)
+    padded[:rows, :columns] = cells
+    halved: NDArray[np.bool_] = padded[::2] | padded[1::2]
+    return np.ascontiguousarray(halved[:, ::2] | halved[:, 1::2])
