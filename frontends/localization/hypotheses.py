@@ -1,26 +1,27 @@
-"""Where the robot may be: each hypothesis with its pose, its covariance, and the evidence for and against it."""
+"""Where the robot may be: a hypothesis with its pose, its covariance, and the evidence for and against it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.localization.local_track import LocalTrack, moved_covariance
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.map_matching import Agreement, Fix
 
-EVIDENCE_PER_FIT = 10.0  # nats of a scan that fits wholly over one that does not at all
+SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
 
 @dataclass(slots=True, eq=False)
 class Hypothesis:
     """The robot is at `T_map_base` at the local `keyframe`, with (3, 3) covariance in `map`.
 
-    `evidence` (nats) is that of its fixes against no fit at all; `agreed` of its fixes agreed, from `agreed_from_m` of
-    path on; `unsure` and `contradicted` count the last fixes in a row that did not agree, and that contradicted.
+    `evidence` (nats) sums what its `fixes` lack of a perfect fit. `agreed` fixes in a row agree, over `agreed_m` of
+    path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the map. Only fixes at other
+    places than the one before count.
     """
 
-    origin: str
     T_map_base: Pose2
     covariance: Floats
     keyframe: int
@@ -31,49 +32,53 @@ class Hypothesis:
     agreed_to_m: float = 0.0
     unsure: int = 0
     contradicted: int = 0
-    counted: Pose2 | None = None
-    fits: list[float] = field(default_factory=list)
+    _counted_at: Pose2 | None = None
 
-    def move_to(self, keyframe: int, track: LocalTrack) -> None:
-        """Move along the local track to a later keyframe."""
-        while self.keyframe < keyframe:
-            step = track.step_to(self.keyframe + 1)
-            self.covariance = moved_covariance(self.covariance, self.T_map_base, step.pose, step.covariance)
-            self.T_map_base = self.T_map_base @ step.pose
-            self.keyframe += 1
-            if step.moved:
-                self.doubt()
+    @property
+    def agreed_m(self) -> float:
+        """The path (m) along which the last fixes agreed."""
+        return self.agreed_to_m - self.agreed_from_m if self.agreed else 0.0
+
+    def is_new_place(self, config: ClaimConfig) -> bool:
+        """Whether a fix here is independent of the last one that counted."""
+        return self._counted_at is None or _apart_m(self._counted_at, self.T_map_base) >= config.apart_m
+
+    def is_sharp(self, config: ClaimConfig) -> bool:
+        """Whether the pose is known well enough to be claimed."""
+        sigma_rad = float(np.sqrt(self.covariance[2, 2]))
+        return position_sigma(self.covariance) <= config.max_sigma_m and sigma_rad <= config.max_sigma_rad
+
+    def move_to_next(self, track: LocalTrack) -> None:
+        """Move along the local track to the next keyframe."""
+        step = track.step_to(self.keyframe + 1)
+        self.covariance = moved_covariance(self.covariance, self.T_map_base, step.pose, step.covariance)
+        self.T_map_base = self.T_map_base @ step.pose
+        self.keyframe += 1
 
     def doubt(self) -> None:
         """The robot may have been moved: what agreed before says nothing of now."""
-        self.agreed, self.counted = 0, None
+        self.agreed, self._counted_at = 0, None
 
     def update(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
         """Correct the pose by a fix that agrees, and count what the fix says if it is from another place."""
-        apart = self.counted is None or _apart_m(self.counted, self.T_map_base) >= config.apart_m
+        counts = self.is_new_place(config)
         if fix.agreement is Agreement.AGREES:
             self._correct(fix)
-        if apart:
-            self.counted = self.T_map_base
-            self._count(fix, path_m)
-        elif fix.agreement is Agreement.AGREES:
-            self.unsure = self.contradicted = 0
+        if counts:
+            self._counted_at = self.T_map_base
+            self._count(fix, path_m, config)
 
-    def _count(self, fix: Fix, path_m: float) -> None:
+    def _count(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
         self.fixes += 1
-        self.evidence += EVIDENCE_PER_FIT * (fix.fit - 1.0 - max(fix.seen_through - 0.1, 0.0))
-        self.fits = [*self.fits[-9:], fix.fit]
+        self.evidence += config.evidence_per_fit * (fix.quality - 1.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m
             self.agreed, self.agreed_to_m = self.agreed + 1, path_m
             self.unsure = self.contradicted = 0
             return
         self.unsure += 1
-        if fix.agreement is Agreement.CONTRADICTS:
-            self.contradicted += 1
-            self.agreed = 0
-        else:
-            self.contradicted = 0
+        self.contradicted = self.contradicted + 1 if fix.agreement is Agreement.CONTRADICTS else 0
+        self.agreed = 0 if self.contradicted else self.agreed
 
     def _correct(self, fix: Fix) -> None:
         """Kalman update by a fix."""
@@ -84,9 +89,9 @@ class Hypothesis:
         self.T_map_base, self.covariance = Pose2.of(T.array() + gain @ e), 0.5 * (updated + updated.T)
 
 
-def is_same(a: Pose2, b: Pose2, metres: float, radians: float) -> bool:
-    """Whether two poses are one."""
-    return a.distance(b) < metres and abs(wrap(a.theta - b.theta)) < radians
+def is_same(a: Pose2, b: Pose2) -> bool:
+    """Whether two poses are one hypothesis."""
+    return a.distance(b) < SAME_M and abs(wrap(a.theta - b.theta)) < SAME_RAD
 
 
 def _apart_m(a: Pose2, b: Pose2) -> float:

@@ -46,6 +46,11 @@ class LocalTrack:
         return self._dropped + len(self._keyframes)
 
     @property
+    def oldest(self) -> int:
+        """The number of the oldest keyframe that is kept."""
+        return self._dropped
+
+    @property
     def first(self) -> int:
         """The number of the oldest keyframe that is kept, and whose way to the newest is known."""
         return self._dropped + (self._keyframes.piece(len(self._keyframes) - 1)[0] if len(self._keyframes) else 0)
@@ -76,6 +81,25 @@ class LocalTrack:
         """T_a_b of two keyframes that are kept."""
         poses = self._poses
         return Pose2.of(poses[a - self._dropped]).between(Pose2.of(poses[b - self._dropped]))
+
+    def back(self, reach_m: float) -> int:
+        """The oldest keyframe within `reach_m` of path of the newest, and whose way to it is known."""
+        path_m, number = self.point(self.newest).path_m, self.newest
+        while number > self.first and path_m - self.point(number - 1).path_m <= reach_m:
+            number -= 1
+        return number
+
+    def last_scans(self, most: int, apart_m: float, reach_m: float) -> tuple[list[ScanPoints], Floats]:
+        """Up to `most` scans, `apart_m` of path apart, and their (n, 3) poses in the newest keyframe's base_link."""
+        scans: list[ScanPoints] = []
+        poses, at_m = [], np.inf
+        for number in range(self.newest, self.back(reach_m) - 1, -1):
+            scan, path_m = self.scan(number), self.point(number).path_m
+            if scan is not None and at_m - path_m >= apart_m and len(scans) < most:
+                scans.append(scan)
+                poses.append(self.between(self.newest, number).array())
+                at_m = path_m
+        return scans, np.array(poses).reshape(-1, 3)
 
     def step_to(self, number: int) -> Step:
         """The step from the keyframe before to keyframe `number`."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from wayfi.backend.options import option
+from wayfi.frontends.localization.search_config import MapSearchConfig
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,19 @@ class FixConfig:
 
 
 @dataclass(frozen=True)
-class PlaceSearchConfig:
-    """The bounded search of the places that are proposed."""
+class ProposalConfig:
+    """Where the map is searched for the robot, by which scans, and how the places found are followed."""
 
-    window_m: float = option(2.0, "m", "to each side of a place; the places are 2 m apart")
-    headings: int = option(4, "", "parts of the circle that are searched apart, so that none hides the others")
-    most_places: int = option(24, "places", "in one search: those around 10 m of WiFi's uncertainty")
-    min_fit: float = option(0.65, "", "of the points in sight that fit: less is not worth following")
+    scans: int = option(6, "", "of the last keyframes in one search: more walls, fewer look-alikes")
+    reach_m: float = option(4.0, "m", "of path that these scans are from, and that places found are tried on")
+    apart_m: float = option(0.5, "m", "of path between them")
+    again_m: float = option(1.0, "m", "of path between two searches")
+    work: int = option(60_000, "poses", "compared in one message: 25 ms")
+    wifi_sigmas: float = option(2.5, "", "of a place that WiFi names: the radius that is searched")
+    wifi_weight: float = option(0.95, "", "of WiFi's belief that is searched, its best places first")
+    wifi_places: int = option(6, "", "searched at most")
+    sigma_m: float = option(0.15, "m", "of a place found: the cells compared are 0.2 m wide")
+    sigma_rad: float = option(0.03, "rad", "as above")
 
 
 @dataclass(frozen=True)
@@ -51,21 +58,31 @@ class ClaimConfig:
     """When a hypothesis is confirmed, doubted, and given up."""
 
     fixes: int = option(4, "", "agreeing fixes, each from another place")
-    apart_m: float = option(0.3, "m", "of path, or of turn in 0.3 rad, between fixes that count as independent")
-    path_m: float = option(1.5, "m", "of path along which they agree")
+    apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
+    path_m: float = option(1.2, "m", "of path along which they agree")
+    evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
+    max_sigma_m: float = option(0.3, "m", "of the position: between walls that leave it open it is not found yet")
+    max_sigma_rad: float = option(0.05, "rad", "as above")
+    least_support: float = option(-4.0, "nats", "of WiFi, below its best place: less contradicts")
+    drop_gain: float = option(12.0, "nats", "by which a hypothesis is worse than the best one and is dropped")
+    drop_fixes: int = option(3, "", "in a row that contradict the map: the hypothesis is dropped")
     unsure_fixes: int = option(4, "", "in a row that do not agree: UNCERTAIN")
-    lost_fixes: int = option(6, "", "in a row that contradict the map: LOST")
-    wifi_fixes: int = option(3, "", "of WiFi in a row that name a place elsewhere: LOST")
-    wifi_apart_m: float = option(8.0, "m", "between that place and the pose")
+    lost_fixes: int = option(4, "", "in a row that contradict the map: LOST")
+    agreeing: int = option(3, "", "in a row that agree again: TRACKING")
+    wifi_scans: int = option(3, "", "of WiFi in a row that name a place elsewhere: LOST")
+    wifi_apart_m: float = option(6.0, "m", "between that place and the pose")
+    wifi_support: float = option(-8.0, "nats", "of WiFi for the pose, below its best place")
 
 
 @dataclass(frozen=True)
 class LocalizationConfig:
     """Localisation in a saved map."""
 
-    most_hypotheses: int = option(12, "", "tracked together: bounds the cost")
+    most_hypotheses: int = option(40, "", "tracked together: bounds the memory")
+    compared: int = option(8, "scans", "with the map in one message: 25 ms")
     places: MapPlacesConfig = field(default_factory=MapPlacesConfig)
     fix: FixConfig = field(default_factory=FixConfig)
-    search: PlaceSearchConfig = field(default_factory=PlaceSearchConfig)
+    search: MapSearchConfig = field(default_factory=MapSearchConfig)
+    proposals: ProposalConfig = field(default_factory=ProposalConfig)
     claim: ClaimConfig = field(default_factory=ClaimConfig)

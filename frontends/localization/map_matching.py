@@ -1,6 +1,6 @@
 """A scan against the map: where it fits around an expected pose, how well, and whether it contradicts the map."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -16,6 +16,7 @@ from wayfi.frontends.localization.map_places import Place
 from wayfi.frontends.scan_points import ScanPoints
 
 LOOSE = 1e-4 * np.eye(3)  # information of a sigma of 100 m and 100 rad: a direction that the walls leave open
+FURNITURE = 0.1  # of the walls in view: what is moved between two days, and says nothing against a pose
 
 
 class Agreement(Enum):
@@ -31,13 +32,14 @@ class Fix:
     """A scan's pose in `map` with its (3, 3) covariance there, wide along directions that the walls leave open.
 
     `fit`: of the points in sight of the map's scans, the share that fits; `seen_through`: of the map's walls in view,
-    the share that the scan's rays pass.
+    the share that the scan's rays pass. `quality` is 1 where every point in sight lies on its wall.
     """
 
     T_map_base: Pose2
     covariance: Floats
     fit: float
     seen_through: float
+    quality: float
     agreement: Agreement
 
 
@@ -57,7 +59,7 @@ class MapMatcher:
         e = _error(expected, fix.T_map_base)
         chi2 = float(e @ np.linalg.solve(covariance + fix.covariance, e))
         if fix.agreement is Agreement.AGREES and chi2 > self._config.chi2:
-            return Fix(fix.T_map_base, fix.covariance, fix.fit, fix.seen_through, Agreement.SILENT)
+            return replace(fix, agreement=Agreement.SILENT)
         return fix
 
     def as_fix(self, scan: ScanPoints, place: Place, result: IcpResult) -> Fix:
@@ -66,7 +68,9 @@ class MapMatcher:
         fit = fit_in_sight(result.inlier_ratio, scan, T, list(place.scans), place.poses, self._lidar.visibility)
         through = seen_through_share(scan, place.walls.points, T, self._lidar.visibility)
         covariance = covariance_in_b(self._covariance(result), -place.T_map_place.theta)
-        return Fix(place.T_map_place @ T, covariance, fit, through, self._judge(fit, through))
+        lies = 1.0 - result.residual_m / self._lidar.icp.inlier_m
+        quality = fit * lies - max(through - FURNITURE, 0.0)
+        return Fix(place.T_map_place @ T, covariance, fit, through, quality, self._judge(fit, through))
 
     def _judge(self, fit: float, through: float) -> Agreement:
         config = self._config

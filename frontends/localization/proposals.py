@@ -1,0 +1,99 @@
+"""Proposes where the robot may be: the last scans are searched for where WiFi puts it, or in the whole map."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.localization.local_track import LocalTrack
+from wayfi.frontends.localization.localization_config import LocalizationConfig
+from wayfi.frontends.localization.map_search import MapSearch, Region
+from wayfi.frontends.localization.wifi_support import WifiSupport
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.scan_points import ScanPoints
+
+
+@dataclass(frozen=True, slots=True)
+class Proposed:
+    """A pose in `map` that was proposed for the local `keyframe`."""
+
+    T_map_base: Pose2
+    keyframe: int
+
+
+class Proposals:
+    """Searches one after the other, each in slices.
+
+    `complete`: the last search that ended has left out no place where the robot may be.
+    """
+
+    def __init__(
+        self, building: BuildingMap, track: LocalTrack, lidar: LidarConfig, config: LocalizationConfig
+    ) -> None:
+        self._track, self._config, self._least_points = track, config.proposals, lidar.min_points
+        self._search = MapSearch(building, config.search)
+        self._regions: deque[Region | None] = deque()
+        self._scans: tuple[list[ScanPoints], Floats] = [], np.empty((0, 3))
+        self._keyframe = -1
+        self._complete_so_far = True
+        self.complete = False
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was searched: the robot may be anywhere."""
+        self._regions.clear()
+        self._running, self.complete = False, False
+        self._searched_m = -np.inf
+
+    @property
+    def running(self) -> bool:
+        """Whether a search goes on."""
+        return self._running
+
+    def begin(self, wifi: WifiSupport) -> bool:
+        """Begin a search by the newest scans, if one is due; False if not."""
+        if self._running or self._track.newest < 0:
+            return False
+        path_m = self._track.point(self._track.newest).path_m
+        scan = self._track.scan(self._track.newest)
+        due = path_m - self._searched_m >= self._config.again_m
+        if not due or scan is None or len(scan.points) < self._least_points:
+            return False
+        self._searched_m, self._keyframe = path_m, self._track.newest
+        self._scans = self._track.last_scans(self._config.scans, self._config.apart_m, self._config.reach_m)
+        self._regions = deque(self._regions_of(wifi))
+        self._complete_so_far = True
+        self._begin_next()
+        return self._running
+
+    def go_on(self) -> list[Proposed]:
+        """Search on by one slice; returns the poses that it ends with, if it does."""
+        result = self._search.go_on(self._config.work)
+        if result is None:
+            return []
+        self._complete_so_far &= result.complete
+        self._begin_next()
+        if not self._running:
+            self.complete = self._complete_so_far
+        return [Proposed(place.T_map_base, self._keyframe) for place in result.places]
+
+    def _begin_next(self) -> None:
+        self._running = False
+        while self._regions and not self._running:
+            self._running = self._search.begin(*self._scans, self._regions.popleft())
+
+    def _regions_of(self, wifi: WifiSupport) -> list[Region | None]:
+        """The regions where WiFi puts the robot, the likeliest first; the whole map where it names none."""
+        if not wifi.known:
+            return [None]
+        regions: list[Region | None] = []
+        weight = 0.0
+        for place in wifi.places[: self._config.wifi_places]:
+            if weight >= self._config.wifi_weight * wifi.weight:
+                break
+            weight += place.weight
+            sigma_m = float(np.sqrt(np.linalg.eigvalsh(place.covariance[:2, :2])[-1]))
+            regions.append(Region(place.T_map_base.x, place.T_map_base.y, self._config.wifi_sigmas * sigma_m))
+        return regions
