@@ -10,9 +10,9 @@ import numpy as np
 from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
 from wayfi.frontends.closures.lidar_check import CheckResult, Expected, check
 from wayfi.frontends.lidar.visibility import seen_through_share
+from wayfi.frontends.maps.aligning import rigid_motion
 from wayfi.frontends.maps.building_map import BuildingMap, MapKeyframe
 from wayfi.frontends.maps.merging_config import MergingConfig
-from wayfi.frontends.merging.wifi_overlap import rigid_motion
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.slam_config import SlamConfig
 

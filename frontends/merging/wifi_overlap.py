@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.maps.aligning import rigid_motion
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.joining import joined_receivers, joined_weights
 from wayfi.frontends.maps.merging_config import MergingConfig
@@ -126,13 +127,3 @@ def _refined(T: Pose2, pairs: LikePlaces, config: MergingConfig) -> Pose2:
 
 def _explained(T: Pose2, pairs: LikePlaces, config: MergingConfig) -> NDArray[np.bool_]:
     return np.asarray(np.hypot(*(T.transform(pairs.place_b) - pairs.place_a).T) <= config.near_m)
-
-
-def rigid_motion(places: Floats, onto: Floats, weights: Floats | None = None) -> Pose2:
-    """The motion that brings (n, 2) places onto others by least squares (Kabsch 1976), weighted by (n,)."""
-    w = np.ones(len(places)) if weights is None else weights
-    middle, to = np.average(places, axis=0, weights=w), np.average(onto, axis=0, weights=w)
-    H = ((places - middle) * w[:, None]).T @ (onto - to)
-    turn = math.atan2(H[0, 1] - H[1, 0], H[0, 0] + H[1, 1])
-    x, y = to - Pose2(0.0, 0.0, turn).transform(middle[None])[0]
-    return Pose2(float(x), float(y), turn)

@@ -3,12 +3,14 @@
 import hashlib
 import shutil
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.optimising import factors_in_force
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.files.g2o import g2o_text
 from wayfi.recordings.files.map_files import grid_files
@@ -73,7 +75,8 @@ class MapSaver:
             files[name] = _write(staged / name, data)
         for name in files.keys() - made.keys() - set(WHOLE_FILES):
             del files[name]
-        named = MapName(self._name.map_id, self._name.map_version + 1) if self._name else MapName(_id_of(files), 1)
+        former = self._name
+        named = replace(former, map_version=former.map_version + 1) if former else MapName(_id_of(files), 1)
         _write(staged / MANIFEST, manifest_text(_manifest(named, building, files)).encode())
         replace_map(staged, self._folder, files)
         self._made, self._files, self._name = made, files, named
@@ -98,7 +101,7 @@ def _whole_files(building: BuildingMap, config: MapConfig) -> Iterator[tuple[str
     yield ACCESS_POINTS, access_point_table(building.weights)
     yield GRID, grid_table(building.grid)
     yield CALIBRATION, calibration_toml(building.calibration).encode()
-    yield GRAPH, g2o_text(building.poses, building.factors.values(), building.calibration.wheels.values).encode()
+    yield GRAPH, g2o_text(building.poses, factors_in_force(building), building.calibration.wheels.values).encode()
     yield from grid_files(grid_event(0, building.grid), config).items()
 
 
@@ -120,6 +123,7 @@ def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksu
             "sessions": len({keyframe.session for keyframe in keyframes}),
         },
         files=dict(sorted(files.items())),
+        aligned=named.aligned,
     )
 
 
