@@ -8,6 +8,7 @@ from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.localization_config import LocalizationConfig
+from wayfi.frontends.maps.merging_config import MergingConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
@@ -24,3 +25,4 @@ class SlamConfig:
     backend: BackendConfig = field(default_factory=BackendConfig)
     map: MapConfig = field(default_factory=MapConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    merging: MergingConfig = field(default_factory=MergingConfig)

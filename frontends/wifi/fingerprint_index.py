@@ -8,6 +8,7 @@ both by its weight, which is 1 until `weigh` sets it.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,11 @@ class FingerprintIndex:
     def weigh(self, aps: NDArray[np.int32], weights: NDArray[np.float64]) -> None:
         """Set the (n,) `weights` of the access points `aps` (n,), each above 0."""
         self._weights[aps] = weights
+
+    def weigh_all(self, weights: Mapping[str, float], unknown: float) -> None:
+        """Set the weight of every access point by its BSSID, `unknown` where none is given; each above 0."""
+        for bssid, number in self._numbers.items():
+            self._weights[number] = weights.get(bssid, unknown)
 
     def weights(self) -> dict[str, float]:
         """The weight of each access point by its BSSID."""

@@ -30,10 +30,15 @@ class Checksum:
 
 @dataclass(frozen=True, slots=True)
 class MapName:
-    """The name of a saved map: `map_id` stays as it goes on, `map_version` counts what was saved of it from 1."""
+    """The name of a saved map: `map_id` stays as it goes on, `map_version` counts what was saved of it from 1.
+
+    `aligned` is where the frame of its first drive lies in that of a floor plan, x, y (m) and theta (rad), if the map
+    was put onto one.
+    """
 
     map_id: str
     map_version: int
+    aligned: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +47,7 @@ class Manifest:
 
     `map_id` stays as the map goes on, `map_version` counts what was saved of it from 1. `created` is the stamp of the
     newest keyframe as UTC. `frames` names the frames of `map` and the robot's base, `floors` numbers the floors, and
-    `counts` tells how many of what there are.
+    `counts` tells how many of what there are; `aligned` is as in MapName.
     """
 
     map_id: str
@@ -53,6 +58,7 @@ class Manifest:
     floors: tuple[int, ...]
     counts: Mapping[str, int]
     files: Mapping[str, Checksum]
+    aligned: tuple[float, float, float] | None = None
 
 
 def checksum_of(data: bytes) -> Checksum:
@@ -89,9 +95,17 @@ def _parse(path: Path, content: dict[str, Any]) -> Manifest:
         return Manifest(
             str(content["map_id"]), int(content["map_version"]), str(content["created"]), str(content["wayfi"]),
             dict(content["frames"]), tuple(map(int, content["floors"])), dict(content["counts"]), files,
+            _aligned(content.get("aligned")),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MapError(f"{path}: is not the manifest of a map of wayfi: {error!r}") from None
+
+
+def _aligned(found: Any) -> tuple[float, float, float] | None:  # noqa: ANN401 - of JSON
+    if found is None:
+        return None
+    x, y, theta = map(float, found)
+    return x, y, theta
 
 
 def _refuse_other_versions(path: Path, version: Any, content: dict[str, Any]) -> None:  # noqa: ANN401 - of JSON

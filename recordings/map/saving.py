@@ -3,6 +3,7 @@
 import hashlib
 import shutil
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -73,7 +74,8 @@ class MapSaver:
             files[name] = _write(staged / name, data)
         for name in files.keys() - made.keys() - set(WHOLE_FILES):
             del files[name]
-        named = MapName(self._name.map_id, self._name.map_version + 1) if self._name else MapName(_id_of(files), 1)
+        former = self._name
+        named = replace(former, map_version=former.map_version + 1) if former else MapName(_id_of(files), 1)
         _write(staged / MANIFEST, manifest_text(_manifest(named, building, files)).encode())
         replace_map(staged, self._folder, files)
         self._made, self._files, self._name = made, files, named
@@ -120,6 +122,7 @@ def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksu
             "sessions": len({keyframe.session for keyframe in keyframes}),
         },
         files=dict(sorted(files.items())),
+        aligned=named.aligned,
     )
 
 

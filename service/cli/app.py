@@ -7,6 +7,7 @@ import typer
 
 from wayfi.service.cli.configuration import compile_all, show_config
 from wayfi.service.cli.daemon import run
+from wayfi.service.cli.maps import align, closures, merge
 from wayfi.service.cli.recordings import demo, import_file, inspect, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
 from wayfi.service.process.compilation import ensure_cache
@@ -17,7 +18,21 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, replay, evaluate, simulate, reproduce, inspect, run, publish, record, view):
+for command in (
+    demo,
+    replay,
+    evaluate,
+    simulate,
+    reproduce,
+    inspect,
+    run,
+    publish,
+    record,
+    view,
+    closures,
+    merge,
+    align,
+):
     app.command()(command)
 app.command(name="import")(import_file)
 app.command(name="config")(show_config)

@@ -1,0 +1,189 @@
+"""Two maps of one building, made at different times or by different robots, made one.
+
+WiFi says roughly where one lies in the other, and whether at all; the laser looks there, at many places. They are only
+joined where both agree at several places that lie some metres apart, nothing else fits about as well, and the scans of
+one do not look through the walls of the other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.errors import WayfiError
+from wayfi.backend.graph.factors import BetweenFactor, NearFactor
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.closures.lidar_check import Expected, innovation_chi2
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.joining import Tie, join
+from wayfi.frontends.maps.merging_config import MergingConfig
+from wayfi.frontends.maps.optimising import OptimisingConfig
+from wayfi.frontends.merging.laser_overlap import Spot, agreeing, check_along
+from wayfi.frontends.merging.wifi_overlap import LikePlaces, Overlap, find_overlap, independent_places, like_places
+from wayfi.frontends.odometry.odometry_config import calibration_prior
+from wayfi.frontends.slam_config import SlamConfig
+
+UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
+TIE_SIGMAS = (0.2, 0.02)  # m and rad: of what the laser has found at many places, from which it looks once more
+ROUNDS = 3  # of leaving out ties that the joined map contradicts
+MOST_LEFT_OUT = 0.2  # of the ties: more say that the maps do not belong together
+
+
+class MergeError(WayfiError):
+    """Two maps that are not joined, for the reason that it tells."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Merged:
+    """The joined map, and what it rests on: WiFi's places, checks of the laser that agree, and how far both reach (m).
+
+    `T_a_b` is where the frame of the second map lies in the first one's, which is that of the joined one.
+    """
+
+    building: BuildingMap
+    T_a_b: Pose2
+    places: int
+    checks: int
+    spread_m: float
+
+
+def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
+    """The one map of two. Raises MergeError where it is not certain that, and how, they overlap."""
+    if not a.keyframes or not b.keyframes:
+        raise MergeError("a map without keyframes cannot be merged")
+    by_wifi = config.wifi.enabled and len(a.fingerprints) > 0 and len(b.fingerprints) > 0
+    by_laser = config.lidar.enabled and _has_scans(a) and _has_scans(b)
+    if not by_wifi and not by_laser:
+        raise MergeError("the maps have neither WiFi nor scans in common: nothing tells whether they overlap")
+    if not by_wifi:
+        raise MergeError("one of the maps has no WiFi: they are not merged by the laser alone")
+    pairs = like_places(a, b, config.wifi.similarity_sigma_db, config.merging)
+    overlap = _overlap(pairs, by_laser, config.merging)
+    T = overlap.T_a_b
+    if not by_laser:
+        ties = _wifi_ties(pairs, overlap, a, b)
+        return Merged(_joined(a, b, T, ties, config), T, overlap.places, 0, overlap.spread_m)
+    sigmas = config.merging.wifi_sigma_m, config.merging.wifi_sigma_rad
+    T, spots = _confirmed(a, b, T, sigmas, config.merging.min_checks, config)
+    building = _joined(a, b, T, [_laser_tie(spot) for spot in spots], config)
+    return Merged(building, T, overlap.places, len(spots), _spread_m(b, spots, config.merging))
+
+
+def _has_scans(building: BuildingMap) -> bool:
+    return any(k.scan is not None for k in building.keyframes)
+
+
+def _overlap(pairs: LikePlaces, by_laser: bool, config: MergingConfig) -> Overlap:
+    """Where WiFi puts the one map in the other. Raises MergeError where it does not say so."""
+    found = find_overlap(pairs, config)
+    if found is None:
+        raise MergeError(
+            "no place of one map sounds like one of the other: they are of different buildings or do not overlap (if "
+            "all access points were replaced, wifi.enabled=false merges by the laser alone)"
+        )
+    least = config.min_places if by_laser else config.wifi_alone_places
+    share = float(found.explained.mean())
+    if share < config.min_explained:
+        raise MergeError(
+            f"WiFi contradicts itself: of {len(pairs.a)} places that sound alike only {share:.0%} fit one position of "
+            f"the maps, under {config.min_explained:.0%}"
+        )
+    if found.places < least or found.spread_m < config.min_spread_m:
+        raise MergeError(
+            f"the maps overlap too little: WiFi finds {found.places} places in both, over {found.spread_m:.0f} m; "
+            f"{least} over {config.min_spread_m:g} m are needed"
+        )
+    if found.rival > config.max_rival:
+        raise MergeError(f"the maps fit in more than one way by WiFi: the second explains {found.rival:.0%} as much")
+    return found
+
+
+def _confirmed(
+    a: BuildingMap,
+    b: BuildingMap,
+    T_a_b: Pose2,
+    sigmas: tuple[float, float],
+    least: int,
+    config: SlamConfig,
+) -> tuple[Pose2, list[Spot]]:
+    """The pose of the maps by the laser near `T_a_b`, and the checks that agree. Raises MergeError without them."""
+    bounds = config.merging
+    T, agreed = agreeing(check_along(a, b, T_a_b, sigmas, bounds.check_every_m, config), b, bounds)
+    _judge(agreed, b, least, bounds)
+    spots = check_along(a, b, T, TIE_SIGMAS, bounds.tie_every_m, config)
+    T, agreed = agreeing(spots, b, bounds)
+    _judge(agreed, b, least, bounds)
+    contradicting = [s for s in spots if s not in agreed and s.found.inlier_ratio < config.closure.min_inlier_ratio]
+    share = len(agreed) / (len(agreed) + len(contradicting))
+    if share < bounds.min_agreeing:
+        raise MergeError(
+            f"the laser contradicts WiFi: of the scans that should fit the other map {share:.0%} do, under "
+            f"{bounds.min_agreeing:.0%}"
+        )
+    through = float(np.median([spot.through for spot in spots]))
+    if through > bounds.max_seen_through:
+        raise MergeError(f"the scans of one map look through {through:.0%} of the walls of the other")
+    return T, agreed
+
+
+def _judge(agreed: Sequence[Spot], b: BuildingMap, least: int, bounds: MergingConfig) -> None:
+    spread_m = _spread_m(b, agreed, bounds)
+    if len(agreed) < least or spread_m < bounds.min_spread_m:
+        raise MergeError(
+            f"the laser does not confirm it: {len(agreed)} scans agree on where the maps lie, over {spread_m:.0f} m; "
+            f"{least} over {bounds.min_spread_m:g} m are needed"
+        )
+
+
+def _spread_m(b: BuildingMap, spots: Sequence[Spot], config: MergingConfig) -> float:
+    return independent_places(b.poses[[spot.b for spot in spots], :2], config.independent_m)[1]
+
+
+def _laser_tie(spot: Spot) -> Tie:
+    found = spot.found
+    factor = BetweenFactor(spot.a, spot.b, found.T_a_b, found.covariance)
+    return Tie(
+        factor, found.T_a_b, found.covariance, "agrees with the others between the two maps", np.nan,
+        found.inlier_ratio, found.residual_m,
+    )  # fmt: skip
+
+
+def _wifi_ties(pairs: LikePlaces, overlap: Overlap, a: BuildingMap, b: BuildingMap) -> list[Tie]:
+    """The pairs that the motion explains; those within `independent_m` of each other count as one together."""
+    apart = overlap.T_a_b.transform(pairs.place_b) - pairs.place_a
+    explained = np.flatnonzero(overlap.explained)
+    rms_m = float(np.sqrt((apart[explained] ** 2).mean()))
+    sigma_m = rms_m * np.sqrt(max(len(explained) / overlap.places, 1.0))
+    return [_wifi_tie(int(pairs.a[n]), int(pairs.b[n]), pairs.similarity[n], sigma_m, a, b) for n in explained]
+
+
+def _wifi_tie(n_a: int, n_b: int, similarity: float, sigma_m: float, a: BuildingMap, b: BuildingMap) -> Tie:
+    f_a, f_b = a.fingerprints[n_a], b.fingerprints[n_b]
+    place_a, place_b = (np.array([f.T_keyframe_base.x, f.T_keyframe_base.y]) for f in (f_a, f_b))
+    factor = NearFactor(f_a.keyframe, f_b.keyframe, place_a, place_b, sigma_m)
+    covariance = np.diag([sigma_m**2, sigma_m**2, UNCLAIMED_RAD**2])
+    return Tie(factor, f_a.T_keyframe_base @ f_b.T_keyframe_base.inverse(), covariance, "sounds alike", similarity)
+
+
+def _joined(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: list[Tie], config: SlamConfig) -> BuildingMap:
+    """The maps joined by those of the ties that the joined map does not contradict. Raises MergeError without them."""
+    optimising = OptimisingConfig(config.backend, config.map, calibration_prior(config.odometry))
+    found = len(ties)
+    for _ in range(ROUNDS):
+        building = join(a, b, T_a_b, ties, optimising)
+        kept = [tie for tie in ties if _chi2(tie, building.poses, len(a.keyframes)) <= config.merging.remove_chi2]
+        if len(kept) == len(ties):
+            return building
+        ties = kept
+        if len(ties) < (1 - MOST_LEFT_OUT) * found:
+            break
+    raise MergeError(f"the joined map contradicts {found - len(ties)} of {found} of what relates the two")
+
+
+def _chi2(tie: Tie, poses: Floats, first: int) -> float:
+    factor = tie.factor
+    T_map_a, T_map_b = Pose2.of(poses[factor.a]), Pose2.of(poses[factor.b + first])
+    if isinstance(factor, NearFactor):
+        at_a, at_b = T_map_a.transform(factor.place_a[None]), T_map_b.transform(factor.place_b[None])
+        return float(((at_b - at_a) ** 2).sum()) / factor.sigma_m**2
+    return innovation_chi2(Expected(T_map_a.between(T_map_b), np.zeros((3, 3))), factor.T_a_b, factor.covariance)

@@ -1,0 +1,1 @@
+"""What is done with saved maps: closures vetoed and restored, two maps merged, one aligned to a floor plan."""
