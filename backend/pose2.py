@@ -92,6 +92,15 @@ def pose_of_common_place(place_a: Floats, place_b: Floats, turned: float) -> Pos
     return Pose2.of((x, y, turned))
 
 
+def rigid_fit(source: Floats, target: Floats) -> Pose2:
+    """The T that maps points `source` (n >= 1, 2) m to `target` (n, 2) with the least squared error."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    s, t = source - source_mean, target - target_mean
+    theta = math.atan2(float((s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]).sum()), float((s * t).sum()))
+    x, y = target_mean - Pose2(0.0, 0.0, theta).transform(source_mean[None])[0]
+    return Pose2.of((x, y, theta))
+
+
 def diagonal_covariance(sigma_m: float, sigma_rad: float) -> Floats:
     """(3, 3) covariance of a pose whose x, y (m) and theta (rad) err independently."""
     return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])

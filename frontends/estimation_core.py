@@ -4,6 +4,7 @@ from typing import Protocol
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.continued_slam import ContinuedSlam
 from wayfi.frontends.events import Event
 from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization_core import LocalizationCore
@@ -70,9 +71,10 @@ class EstimationCore(Protocol):
 
 
 def estimation_core(
-    config: SlamConfig, calibration: Calibration | None, timer: Timer, building: BuildingMap | None
+    config: SlamConfig, calibration: Calibration | None, timer: Timer, building: BuildingMap | None, extends: bool
 ) -> EstimationCore:
-    """The estimation of a drive: SLAM, or localisation in `building`."""
+    """The estimation of a drive: SLAM, or localisation in `building`, or SLAM that `extends` it."""
     if building is not None:
-        return LocalizationCore(config, calibration or building.calibration, timer, building)
+        core = ContinuedSlam if extends else LocalizationCore
+        return core(config, calibration or building.calibration, timer, building)
     return SlamCore(config, calibration or Calibration(calibration_prior(config.odometry), {}), timer)

@@ -38,6 +38,11 @@ class GraphEstimate:
         vars(self).update(state)
         self.poses[:] = self._graph.poses()[: len(self._keyframes)]
 
+    def reread(self) -> None:
+        """Read the poses of keyframes that were added without guesses."""
+        self._poses = np.resize(self._poses, (len(self._keyframes) + len(self._poses), 3))
+        self.poses[:] = self._graph.poses()[: len(self._keyframes)]
+
     @property
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`; a view, which later updates change."""

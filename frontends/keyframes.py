@@ -1,7 +1,7 @@
 """The keyframes: when one is due, where each stands on the driven path, and the scan it holds."""
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, between_all
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
+from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.scan_points import ScanPoints
 
 
@@ -23,13 +24,16 @@ class Keyframe:
 
 
 class Keyframes:
-    """Keyframes 0, 1, ... in the order of the graph."""
+    """Keyframes 0, 1, ... in the order of the graph; the drive's own, from `first` on, follow those of a map."""
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
         self._paths = np.empty(64)
         self._has_scan = np.zeros(64, np.bool_)
+        self._floors = np.zeros(64, np.int64)
         self._pieces = [0]
+        self.first = self.floor = 0
+        self.joined = True  # whether the drive's own keyframes are known to be where `poses` puts them among the map's
         self._unknown_m = 0.0
 
     def __len__(self) -> int:
@@ -42,18 +46,42 @@ class Keyframes:
         return iter(self._keyframes)
 
     @property
+    def own(self) -> list[Keyframe]:
+        """The drive's own keyframes."""
+        return self._keyframes[self.first :]
+
+    @property
     def newest(self) -> Keyframe:
         """The newest keyframe. Raises IndexError before the first."""
         return self._keyframes[-1]
+
+    def begin_with(self, keyframes: Iterable[Keyframe], floors: Sequence[int], pieces: Sequence[int]) -> None:
+        """Begin with the keyframes of a map on their floors; its `pieces` begin with these, the drive is another."""
+        for keyframe, self.floor in zip(keyframes, floors, strict=True):
+            self.append(keyframe)
+        self.floor = 0
+        self.first, self.joined = len(self), False
+        self._pieces += [*pieces, self.first]
 
     def append(self, keyframe: Keyframe) -> None:
         """Add the next keyframe."""
         if len(self) == len(self._paths):
             self._paths = np.resize(self._paths, 2 * len(self._paths))
             self._has_scan = np.resize(self._has_scan, len(self._paths))
+            self._floors = np.resize(self._floors, len(self._paths))
         self._paths[len(self)] = keyframe.point.path_m + self._unknown_m
         self._has_scan[len(self)] = keyframe.scan is not None
+        self._floors[len(self)] = self.floor
         self._keyframes.append(keyframe)
+
+    def join(self, keyframe: int) -> None:
+        """The drive is found near this keyframe of the map, on its floor."""
+        self.joined = True
+        self.change_floor(self.first, int(self.floors[keyframe]))
+
+    def change_floor(self, first: int, floor: int) -> None:
+        """The keyframes from number `first` on are on another floor; no closure relates them to those before."""
+        self._floors[first : len(self)] = self.floor = floor
 
     def begin_piece(self, path_m: float) -> None:
         """The robot was moved by an unknown way to the next keyframe, which counts as `path_m` more of path."""
@@ -62,8 +90,12 @@ class Keyframes:
 
     @property
     def moved_to(self) -> list[int]:
-        """The keyframes that begin a piece, but for the first."""
+        """The keyframes that begin a piece, but for the very first."""
         return self._pieces[1:]
+
+    def begins_piece(self, number: int) -> bool:
+        """Whether keyframe `number` begins a piece, so that its scan is compared with none of before."""
+        return number in self._pieces
 
     def piece(self, number: int) -> tuple[int, int]:
         """First and last (excluded) of the keyframes around `number` whose relative poses are known."""
@@ -71,8 +103,19 @@ class Keyframes:
         last = self._pieces[following] if following < len(self._pieces) else len(self)
         return self._pieces[following - 1], last
 
-    def move(self, number: int, point: PathPoint) -> None:
-        """Give keyframe `number` another place on the driven path."""
+    def shift(self, shift_ns: int, trajectories: Trajectories) -> dict[int, int]:
+        """Move the drive's keyframes with scans to where it was `shift_ns` later; returns the new stamps by the old."""
+        moved = {}
+        for k in range(self.first, len(self)):
+            before_ns = self[k].point.stamp_ns
+            point = trajectories.at(before_ns + shift_ns) if self[k].scan else None
+            after_last = k == self.first or (point and point.stamp_ns > self[k - 1].point.stamp_ns)
+            if point is not None and after_last:
+                self._move(k, point)
+                moved[before_ns] = point.stamp_ns
+        return moved
+
+    def _move(self, number: int, point: PathPoint) -> None:
         before_m = self[number].point.path_m
         self._keyframes[number] = replace(self[number], point=point)
         self._paths[number] += point.path_m - before_m
@@ -84,14 +127,14 @@ class Keyframes:
         self._pieces = [0, *(piece - count for piece in self._pieces if piece > count)]
 
     def forget_scans(self) -> None:
-        """Remove the scans of all keyframes."""
-        self._keyframes = [Keyframe(keyframe.point, None) for keyframe in self._keyframes]
-        self._has_scan[:] = False
+        """Remove the scans of the drive's own keyframes."""
+        self._keyframes[self.first :] = [Keyframe(keyframe.point, None) for keyframe in self.own]
+        self._has_scan[self.first :] = False
 
     def before(self, stamp_ns: int) -> int:
-        """The newest keyframe that is no later than `stamp_ns`, which is recent; the first where none is."""
+        """The drive's newest keyframe that is no later than `stamp_ns`, which is recent; its first where none is."""
         number = len(self) - 1
-        while number > 0 and self[number].point.stamp_ns > stamp_ns:
+        while number > self.first and self[number].point.stamp_ns > stamp_ns:
             number -= 1
         return number
 
@@ -104,6 +147,23 @@ class Keyframes:
     def has_scan(self) -> NDArray[np.bool_]:
         """(n,) whether each keyframe holds a scan."""
         return self._has_scan[: len(self)]
+
+    @property
+    def floors(self) -> NDArray[np.int64]:
+        """(n,) the floor of each keyframe."""
+        return self._floors[: len(self)]
+
+    @property
+    def reachable_scans(self) -> NDArray[np.bool_]:
+        """(n,) whether each keyframe holds a scan, is on the present floor, and it is known where that is."""
+        reachable: NDArray[np.bool_] = self.has_scan & (self.floors == self.floor)
+        if not self.joined:
+            reachable[: self.first] = False
+        return reachable
+
+    def may_close(self, a: int, b: int) -> bool:
+        """Whether keyframe `a` is on the floor of keyframe b of the drive, and it is known where it is from there."""
+        return bool(self.floors[a] == self.floors[b]) and (self.joined or a >= self.first)
 
     def scans_around(self, first: int, last: int, origin: Floats, poses: Floats) -> tuple[list[ScanPoints], Floats]:
         """Scans of keyframes first..last (excluded), and their (n, 3) poses in the frame at `origin`."""

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from wayfi.backend.graph.health import Health
+from wayfi.backend.graph.health import Health, State
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.events import Event, StateChanged
 from wayfi.frontends.intake.pose_intake import PlacedPose
+from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localizer import Localizer
 from wayfi.frontends.maps.building_map import BuildingMap
@@ -37,6 +38,11 @@ class LocalizationCore:
     def steps(self) -> StepMatcher:
         """What matches the scans of one step."""
         return self._track.steps
+
+    @property
+    def found(self) -> Hypothesis | None:
+        """Where the robot is, if that is known without a doubt."""
+        return self._localizer.claimed if self._localizer.health.state is State.TRACKING else None
 
     @property
     def keyframe_count(self) -> int:
@@ -109,7 +115,9 @@ class LocalizationCore:
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """The poses that were claimed, and the map as it was."""
         online = trajectories.online()
-        return DriveEstimate(trajectories.stamps_ns(), online, online, self._building), []
+        claimed = np.isfinite(online[:, 0])
+        poses = online[claimed]
+        return DriveEstimate(trajectories.stamps_ns()[claimed], poses, poses, self._building), []
 
     def _changes(self, stamp_ns: int) -> list[Event]:
         health, told = self._localizer.health, self._told

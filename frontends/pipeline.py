@@ -44,7 +44,7 @@ from wayfi.frontends.wifi.readings import PlacedWifiScan
 class Pipeline:
     """One drive. Feed it measurements in the order they came; every one is used, or dropped with its reason.
 
-    It makes a map, or localises in `building` if that is given.
+    It makes a map; or localises in `building` if that is given, or `extends` it.
     """
 
     def __init__(
@@ -53,11 +53,12 @@ class Pipeline:
         calibration: Calibration | None = None,
         timer: Timer | None = None,
         building: BuildingMap | None = None,
+        extends: bool = False,
     ) -> None:
         self._config = config
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
-        self._core = estimation_core(config, calibration, self._timer, building)
+        self._core = estimation_core(config, calibration, self._timer, building, extends)
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
         self._stand_ins = StandIns(config.lidar, self._scans, self._odometry, self._lead_after_ns)
@@ -175,8 +176,8 @@ class Pipeline:
         if published is None or published.stamp_ns != point.stamp_ns:
             anchor = self._core.anchor()
             published = anchor.pose_at(point, T_odom_base, self._config.odometry) if anchor else None
+        self._trajectories.add(point, published.T_map_base if published else None)
         if published is not None:
-            self._trajectories.add(point, published.T_map_base)
             yield published
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:

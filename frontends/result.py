@@ -14,10 +14,15 @@ class DriveEstimate:
     """The drive as estimated at its end, with every measurement used.
 
     `final` and `online` (n, 3) are the poses of base_link in `map` at `stamps_ns` (n,), at the end and as they were
-    published, x, y in m, theta in rad; `building` is the map that the drive has made.
+    published, NaN where none was, x, y in m, theta in rad; `building` is the map that the drive has made.
     """
 
     stamps_ns: NDArray[np.int64]
     final: Floats
     online: Floats
     building: BuildingMap
+
+    @property
+    def published(self) -> NDArray[np.bool_]:
+        """(n,) whether a pose was published at each stamp."""
+        return np.isfinite(self.online[:, 0])

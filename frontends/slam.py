@@ -1,5 +1,6 @@
 """Keyframes, fingerprints and closures become one graph, and the graph one estimate of the drive."""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from itertools import pairwise
 
@@ -9,22 +10,23 @@ from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.grid.grid_map import GridMap
-from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, compose_all, diagonal_covariance
 from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.wifi_closer import WifiCloser
-from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, points_of
-from wayfi.frontends.events import Dropped, DropReason, Event, KeyframeAdded, SubmapMatched
+from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, keyframe_event, keyframe_events
+from wayfi.frontends.events import Dropped, DropReason, Event
+from wayfi.frontends.floors.floor_tracker import FloorTracker
 from wayfi.frontends.graph_estimate import GraphEstimate
 from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
-from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
@@ -32,26 +34,32 @@ from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
+from wayfi.frontends.slam_map import DriveParts, begin_with, in_frame_of, made_map
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
+ANYWHERE_M, ANYWHERE_RAD = 1e3, 10.0  # sigmas of the way from a map to the beginning of a drive, which is unknown
 SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on others, rarely three times in a row
 
 
 class SlamCore:
     """The state of the estimation: the graph, the frontends that add factors to it, and the grid drawn from it."""
 
-    def __init__(self, config: SlamConfig, prior: Calibration, timer: Timer) -> None:
+    def __init__(
+        self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap | None = None
+    ) -> None:
         self._config = config
         self._timer = timer
-        self._graph = PoseGraph(config.backend, prior.wheels)
+        origin = Pose2.of(building.poses[0]) if building else Pose2()
+        self._graph = PoseGraph(config.backend, prior.wheels, origin)
         self.keyframes = Keyframes()
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
         self._axes = AxisHeadings(self._graph, prior.wheels, config.odometry.axes)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
+        self._floors = FloorTracker(self.keyframes, self._wifi, config.floors, config.wifi.similarity_sigma_db)
         self._grid = GridMap(config.map)
         self._start_tracking()
         self._verdicts = verdicts = Verdicts()
@@ -60,11 +68,16 @@ class SlamCore:
             self._graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi,
             self._wifi.confirm, self._lidar_closer.walls,
         )  # fmt: skip
+        self._parts = DriveParts(
+            self._graph, self.keyframes, self._wifi, self._grid, verdicts, self._lidar_closer, self._wifi_closer
+        )
+        self._before = begin_with(building, self._parts, config.closure.min_path_m) if building else None
+        self._estimate.reread()
 
     @property
     def keyframe_count(self) -> int:
-        """How many keyframes there have been."""
-        return len(self.keyframes)
+        """How many keyframes of its own the drive has had."""
+        return len(self.keyframes) - self.keyframes.first
 
     @property
     def poses(self) -> Floats:
@@ -75,33 +88,52 @@ class SlamCore:
         """The wheels' motion from the newest keyframe to `point`."""
         return self.keyframes.newest.point.motion_to(point)
 
-    def anchor(self) -> Anchor:
-        """The newest keyframe as the anchor of poses since then."""
+    def anchor(self) -> Anchor | None:
+        """The newest keyframe as the anchor of poses since then; None while the pose is not claimed."""
         estimate, point = self._estimate, self.keyframes.newest.point
         scale = self.steps.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
 
+    def join(self, stamp_ns: int, fixes: Sequence[MapFix]) -> list[Event]:
+        """The drive is found in the map that it goes on with: move it there, as the last of the `fixes` says."""
+        keyframes, poses, last = self.keyframes, self.poses.copy(), fixes[-1]
+        T = Pose2.of(poses[last.a]) @ last.T_a_b @ Pose2.of(poses[last.b]).inverse()
+        poses[keyframes.first :] = compose_all(T.array(), poses[keyframes.first :])
+        keyframes.join(last.a)
+        events: list[Event] = [self._lidar_closer.enter_fix(fix) for fix in fixes]
+        self._graph.restart(self._graph.calibrations(), poses)
+        self._graph.settle()
+        return events + self._estimate.update(stamp_ns, moved=True)
+
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
         """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
         with self._timer("scan_matching"):
-            moved = self.steps.look(placed, self.motion_to(point), self._step(point), self.poses)
+            begins = self._floors.look(placed.points)
+            moved = begins or self.steps.look(placed, self.motion_to(point), self._step(point), self.poses)
         return self.add_keyframe(point, placed) if moved else self._estimate.judge(point.stamp_ns, self.steps.doubt)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """Add a keyframe at `point`, with its scan if there is one, and close loops from it."""
         number = len(self.keyframes)
-        tracked = self._track(point, placed, number) if number and placed else None
-        guess = Pose2.of(self.poses[-1]) @ self.steps.first_guess(self._step(point), tracked) if number else Pose2()
+        tracked = self._track(point, placed, number)
+        guess = Pose2()
+        if self.keyframe_count:
+            guess = Pose2.of(self.poses[-1]) @ self.steps.first_guess(self._step(point), tracked)
         self._graph.add_keyframe(guess)
-        if number:
+        if self.keyframe_count:
             self._connect(point, tracked, number)
+        elif number:
+            T = Pose2.of(self.poses[-1]).between(guess)
+            self._graph.add(BetweenFactor(number - 1, number, T, diagonal_covariance(ANYWHERE_M, ANYWHERE_RAD)))
         self._append(point, placed, guess)
         updated = self._estimate.update(point.stamp_ns)
-        events = self._keyframe_events(number, tracked, updated)
+        added, *matched = keyframe_events(number, self.keyframes[number], tracked, self.poses)
+        events = [added, *updated, *matched]
         with self._timer("closure"):
             events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
-            events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
-            events += self._lidar_closer.close_by_search(number, point.stamp_ns, self.poses)
+            if not self._floors.doubtful:
+                events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
+                events += self._lidar_closer.close_by_search(number, point.stamp_ns, self.poses)
         factor = self._lidar_closer.variance_factor.value
         return events + self._estimate.observe(point.stamp_ns, factor, self.steps.doubt)
 
@@ -110,14 +142,15 @@ class SlamCore:
         keyframe = self.keyframes.before(scan.point.stamp_ns)
         T = self.keyframes[keyframe].point.motion_to(scan.point).corrected(self._estimate.calibration)
         with self._timer("wifi"):
+            events = self._floors.hear(scan, stamp_ns, self.poses)
             fingerprint = self._wifi.add_scan(scan, keyframe, T)
             if fingerprint is None:
-                return []
+                return events
             similar = self._wifi.similar(fingerprint)
             candidate = self._wifi.candidate(fingerprint, similar)
-        events: list[Event] = [fingerprint_event(fingerprint, similar)]
+        events.append(fingerprint_event(fingerprint, similar))
         with self._timer("closure"):
-            if candidate is not None:
+            if candidate is not None and self._floors.may_close(candidate):
                 events += self._check(candidate, stamp_ns)
             events += self._close_by_wifi(self._wifi.released(), stamp_ns)
         return events
@@ -144,15 +177,8 @@ class SlamCore:
 
         The matches stay as they are, for they relate scans; what the wheels say between them changes.
         """
-        moved = {}
-        for k in range(len(self.keyframes)):
-            before_ns = self.keyframes[k].point.stamp_ns
-            point = trajectories.at(before_ns + round(seconds * SECOND_NS)) if self.keyframes[k].scan else None
-            after_last = k == 0 or (point and point.stamp_ns > self.keyframes[k - 1].point.stamp_ns)
-            if point is not None and after_last:
-                self.keyframes.move(k, point)
-                moved[before_ns] = point.stamp_ns
-        points = [self.keyframes[k].point for k in range(len(self.keyframes))]
+        moved = self.keyframes.shift(round(seconds * SECOND_NS), trajectories)
+        points = [k.point for k in self.keyframes.own]
         self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(points)])
         self._laser_clock = LaserClock(self._config.lidar.clock)
         return self._verdicts.move_stamps(moved)
@@ -163,9 +189,7 @@ class SlamCore:
             self._graph.remove(number)
         self.keyframes.forget_scans()
         self._start_tracking()
-        self._grid = GridMap(self._config.map)
-        for _ in range(len(self.keyframes)):
-            self._grid.add(NO_HITS)
+        self._grid.forget(self.keyframes.first)
         self._wifi_closer.withdraw_walls()
         return self._lidar_closer.withdraw(reason)
 
@@ -173,44 +197,26 @@ class SlamCore:
         """Every keyframe with its scan at its present pose, and the grid at `stamp_ns`."""
         if not self.keyframe_count:
             return []
-        keyframes: list[Event] = [
-            KeyframeAdded(
-                k, self.keyframes[k].point.stamp_ns, Pose2.of(pose), points_of(self.keyframes[k].scan), np.nan
-            )
-            for k, pose in enumerate(self.poses)
+        keyframes = [
+            keyframe_event(number, k, pose, np.nan)
+            for number, (k, pose) in enumerate(zip(self.keyframes, self.poses, strict=True))
         ]
         return [*keyframes, grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
+        poses = in_frame_of(self.poses, self._before)
         with self._timer("map"):
-            grid = self._grid.settle(self.poses)
+            grid = self._grid.settle(poses)
         stamps_ns = trajectories.stamps_ns()
         events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
         calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
-        points = [self.keyframes[k].point for k in range(len(self.keyframes))]
-        final = trajectories.final(points, self.poses, calibration.wheels.values, self.keyframes.moved_to)
-        return DriveEstimate(stamps_ns, final, trajectories.online(), self._building(calibration, grid)), events
-
-    def _building(self, calibration: Calibration, grid: OccupancyGrid) -> BuildingMap:
-        """The map that the drive has made so far, with `grid` drawn from it."""
-        keyframes = [
-            MapKeyframe(k.point.stamp_ns, float(path_m), k.scan, hits)
-            for k, path_m, hits in zip(self.keyframes, self.keyframes.paths_m, self._grid.hits(), strict=True)
-        ]
-        factors = self._lidar_closer.factors() | self._wifi_closer.claims.factors()
-        return BuildingMap(
-            keyframes, self.poses.copy(), self._graph.calibrations_along(), self._graph.factors(),
-            [MapClosure(judged, factors.get(judged.closure, ())) for judged in self._verdicts],
-            self._map_fingerprints(), self._wifi.weights(), calibration, grid, tuple(self.keyframes.moved_to),
-        )  # fmt: skip
-
-    def _map_fingerprints(self) -> list[MapFingerprint]:
-        return [
-            MapFingerprint(f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.path_m, f.readings)
-            for f in self._wifi.fingerprints
-        ]
+        building = made_map(self._parts, poses, calibration, grid, self._before)
+        first, points = self.keyframes.first, [k.point for k in self.keyframes.own]
+        moved_to = [k - first for k in self.keyframes.moved_to if k > first]
+        final = trajectories.final(points, poses[first:], calibration.wheels.values, moved_to)
+        return DriveEstimate(stamps_ns, final, trajectories.online(), building), events
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""
@@ -253,9 +259,15 @@ class SlamCore:
         """The step from the newest keyframe by the calibrated wheels."""
         return self.motion_to(point).corrected(self._estimate.calibration)
 
-    def _track(self, point: PathPoint, placed: PlacedScan, number: int) -> KeyframeMatch | None:
+    def _track(self, point: PathPoint, placed: PlacedScan | None, number: int) -> KeyframeMatch | None:
+        if placed is None or self.keyframes.begins_piece(number):
+            return None
         with self._timer("scan_matching"):
-            return self.steps.match(placed, self.motion_to(point), self._step(point), number, self.poses)
+            tracked = self.steps.match(placed, self.motion_to(point), self._step(point), number, self.poses)
+        if tracked and tracked.judged.finding is Finding.MISFIT and self._floors.doubtful:
+            self.keyframes.begin_piece(0.0)  # behind a cabin's door may be another floor
+            return None
+        return tracked
 
     def _connect(self, point: PathPoint, tracked: KeyframeMatch | None, number: int) -> None:
         """Add the factors from the newest keyframe to number `number`: the wheels', and the laser's if it matches."""
@@ -285,13 +297,3 @@ class SlamCore:
         self._estimate.append(guess)
         sensor = placed.points.T_base_laser if placed else Pose2()
         self._grid.add(placed.hits if placed else NO_HITS, (sensor.x, sensor.y))
-
-    def _keyframe_events(self, number: int, tracked: KeyframeMatch | None, updated: list[Event]) -> list[Event]:
-        """The events of the new keyframe, of the update of the graph, and of the match of its scan."""
-        keyframe, T_map_base = self.keyframes[number], Pose2.of(self.poses[-1])
-        ratio = tracked.match.inlier_ratio if tracked else np.nan
-        added = KeyframeAdded(number, keyframe.point.stamp_ns, T_map_base, points_of(keyframe.scan), ratio)
-        if tracked is None:
-            return [added, *updated]
-        submap = Pose2.of(self.poses[-2]).transform(tracked.submap)
-        return [added, *updated, SubmapMatched(keyframe.point.stamp_ns, number, submap, T_map_base, ratio)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.frontends.closures.closure_config import ClosureConfig
+from wayfi.frontends.floors.floor_config import FloorConfig
 from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.localization_config import LocalizationConfig
@@ -23,6 +24,7 @@ class SlamConfig:
     wifi: WifiConfig = field(default_factory=WifiConfig)
     closure: ClosureConfig = field(default_factory=ClosureConfig)
     backend: BackendConfig = field(default_factory=BackendConfig)
+    floors: FloorConfig = field(default_factory=FloorConfig)
     map: MapConfig = field(default_factory=MapConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
     merging: MergingConfig = field(default_factory=MergingConfig)

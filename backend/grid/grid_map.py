@@ -20,6 +20,7 @@ REDRAWN_SUBMAPS = 5  # that moved, at one redraw: 100 scans, 20 ms
 REDRAW_KEYFRAMES = 10  # with scans, between two redraws: a new grid every 5 m
 CELLS_PER_KEYFRAME = 100_000  # of map: a larger redraw waits for more keyframes
 MERGED_PER_CELL = 10  # cells that count as one of map: merging a cell takes less than a tenth of the time
+NO_HITS: Points = np.empty((0, 2), np.float32)
 SLACK = 200  # cells that the base grows by at once: 10 m, as many as a submap adds
 
 
@@ -52,6 +53,13 @@ class GridMap:
     def hits(self) -> list[Points]:
         """The hits of each keyframe's scan, as they were added."""
         return [scan.hits for scan in self._scans]
+
+    def forget(self, first: int) -> None:
+        """Remove the hits of the keyframes from number `first` on."""
+        emptied = GridMap(self._config)
+        for number, scan in enumerate(self._scans):
+            emptied.add(scan.hits if number < first else NO_HITS, scan.sensor_xy_m)
+        vars(self).update(vars(emptied))
 
     @property
     def due(self) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wayfi.backend.graph.factors import AxisFactor
+from wayfi.backend.graph.factors import AxisFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, chain, corrected_all
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
@@ -133,6 +133,14 @@ def weigh(poses: Floats, pairs: Pairs, drift: float) -> tuple[float, NDArray[np.
     gains = np.log1p(TRUE_SHARES[:, None] * (ratio - 1)) @ pairs.weight
     best = int(np.argmax(gains))
     return float(gains[best]), TRUE_SHARES[best] * ratio > 1 - TRUE_SHARES[best]
+
+
+def motions_of(wheels: Sequence[WheelFactor], steps: int) -> Floats:
+    """(steps, 5) motions between the keyframes: x, y, theta, path (m), time (s); zeros where no wheels relate them."""
+    motions = np.zeros((steps, 5))
+    for w in wheels:
+        motions[w.b - 1] = (*w.motion.pose.array(), w.motion.path_m, w.motion.seconds)
+    return motions
 
 
 def best_hypothesis(

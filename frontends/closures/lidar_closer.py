@@ -23,6 +23,7 @@ from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.events import CheckDone, ClosureJudged, ClosureKind, Event, Verdict, Warned
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
 
@@ -73,6 +74,14 @@ class LidarCloser:
         self._last_check_m = -np.inf
         self._search = LostRobotSearch(keyframes, closure, lidar)
 
+    def begin_with(self, factors: dict[int, tuple[int, ...]]) -> None:
+        """Begin with the accepted closures of a map: the factor of each closure by its number."""
+        self._accepted = {
+            closure: numbers[0]
+            for closure, numbers in factors.items()
+            if numbers and self._verdicts[closure].kind is ClosureKind.LIDAR
+        }
+
     def close_by_estimate(self, keyframe: int, stamp_ns: int, poses: Floats) -> list[Event]:
         """Check the newest keyframe against the nearest earlier one that the estimate offers."""
         here = self._keyframes[keyframe]
@@ -83,7 +92,7 @@ class LidarCloser:
         ):
             return []
         keyframes = self._keyframes
-        a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.has_scan, self._closure)
+        a = nearest_candidate(keyframe, poses, keyframes.paths_m, keyframes.reachable_scans, self._closure)
         if a is None:
             return []
         self._last_check_m = here.point.path_m
@@ -113,6 +122,11 @@ class LidarCloser:
             apart_m = Pose2.of(poses[keyframe]).distance(found[-1].placed(keyframe, poses))
             events.append(Warned(stamp_ns, f"the robot was found again, {apart_m:.1f} m from where the wheels put it"))
         return events
+
+    def enter_fix(self, fix: MapFix) -> ClosureJudged:
+        """Accept a closure that leads into the map that the drive goes on with, where it was found."""
+        done = CheckResult(fix.T_a_b, fix.covariance, fix.inlier_ratio, fix.residual_m, np.nan, np.empty((0, 2)), "")
+        return self._enter(_Proposed(fix.a, fix.b, "map"), done, "found in the map")
 
     def can_check(self, candidate: WifiCandidate) -> bool:
         """Whether a WiFi candidate can be checked: its keyframes differ, both have a scan, and the estimate stays."""

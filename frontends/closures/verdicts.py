@@ -1,6 +1,6 @@
 """The latest verdict on every loop candidate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from wayfi.frontends.events import ClosureJudged, Event, Verdict
@@ -20,6 +20,10 @@ class Verdicts:
 
     def __iter__(self) -> Iterator[ClosureJudged]:
         return iter(self._judged)
+
+    def begin_with(self, judged: Iterable[ClosureJudged]) -> None:
+        """Begin with the candidates of a map, in the order of their numbers."""
+        self._judged.extend(judged)
 
     def enter(self, judged: ClosureJudged) -> ClosureJudged:
         """Add a new candidate; returns it with the next number as its `closure`."""

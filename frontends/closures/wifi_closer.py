@@ -24,6 +24,7 @@ from wayfi.frontends.closures.consensus import (
     driven_area,
     headings_of,
     likelihood_ratio,
+    motions_of,
     weigh,
 )
 from wayfi.frontends.closures.lidar_check import Expected, update_by_place
@@ -97,7 +98,8 @@ class WifiCloser:
         pairs = self.claims.pairs(recent)
         gain = self._config.min_gain_at_end if last else self._config.min_gain
         headings = headings_of(self._graph.of_kind(AxisFactor)[-self._config.window :], poses, self._config.no_axes)
-        found = best_hypothesis(self._motions(), self._matched(poses), pairs, headings, self._prior, self._config)
+        motions = motions_of(self._graph.of_kind(WheelFactor), len(poses) - 1)
+        found = best_hypothesis(motions, self._matched(poses), pairs, headings, self._prior, self._config)
         now, explained = weigh(poses, pairs, self._config.drift)
         if found.evidence >= now + gain:
             if headings.contradict(found.poses[:, 2]):
@@ -254,15 +256,11 @@ class WifiCloser:
         self._refused += 1
         return self._verdicts.change(claim.number, Verdict.REMOVED, reason)
 
-    def _motions(self) -> Floats:
-        """(n, 5) the wheels' motions between the keyframes: x, y, theta, path (m), time (s)."""
-        wheels = self._graph.of_kind(WheelFactor)
-        return np.array([(*w.motion.pose.array(), w.motion.path_m, w.motion.seconds) for w in wheels])
-
     def _matched(self, poses: Floats) -> Floats:
-        """(n, 3) the estimated steps between keyframes that scan matches relate, NaN where none does."""
-        steps = between_all(poses[:-1], poses[1:])
-        return np.where(self._graph.scan_matched()[:, None], steps, np.nan)
+        """(n, 3) the estimated steps between keyframes that scan matches or a map relate, NaN where none does."""
+        known = self._graph.scan_matched()
+        known[: self._keyframes.first] = True
+        return np.where(known[:, None], between_all(poses[:-1], poses[1:]), np.nan)
 
     def _shown(self, stamp_ns: int, poses: Floats) -> SequenceMatched:
         """The claims in a row that relate the newest two stretches."""

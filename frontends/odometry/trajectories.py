@@ -1,5 +1,6 @@
 """The two trajectories of a drive: as it was published, and as it is estimated at the end."""
 
+import math
 from array import array
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all
 from wayfi.frontends.measurements import NANOSECOND_S
 from wayfi.frontends.odometry.driven_path import LONGEST_S, PathPoint
 
+UNPUBLISHED = (math.nan, math.nan, math.nan)
 STANDING_M = 1e-3  # of path between keyframes: less is the jitter of a robot that stands, and says nothing of the way
 
 
@@ -26,12 +28,12 @@ class Trajectories:
     def __len__(self) -> int:
         return len(self._stamps)
 
-    def add(self, point: PathPoint, published: Pose2) -> None:
-        """Add the next message."""
+    def add(self, point: PathPoint, published: Pose2 | None) -> None:
+        """Add the next message; None where no pose was published for it."""
         T = point.T_path_base
         self._stamps.append(point.stamp_ns)
         self._path.extend((T.x, T.y, T.theta, point.path_m))
-        self._online.extend((published.x, published.y, published.theta))
+        self._online.extend((published.x, published.y, published.theta) if published else UNPUBLISHED)
 
     def at(self, stamp_ns: int) -> PathPoint | None:
         """The driven path at a moment, however long ago; None outside of it."""
@@ -50,7 +52,7 @@ class Trajectories:
         return np.array(self._stamps, np.int64)
 
     def online(self) -> Floats:
-        """(n, 3) poses of base_link in `map` as they were published."""
+        """(n, 3) poses of base_link in `map` as they were published, NaN where none was."""
         return np.array(self._online, np.float64).reshape(-1, 3)
 
     def final(

@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.wifi.access_points import AccessPoints
 from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex, Similar
 from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
-from wayfi.frontends.wifi.readings import PlacedWifiScan, mean_readings
+from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings, mean_readings
 from wayfi.frontends.wifi.receivers import ReceiverOffset, Receivers
 from wayfi.frontends.wifi.self_similarity import SelfSimilarity
 from wayfi.frontends.wifi.wifi_config import WifiConfig
@@ -136,10 +137,14 @@ class WifiFrontend:
         middle = scans[len(scans) // 2]
         point = middle.scan.point
         self.receivers.learn(receiver, point.path_m, readings)
+        return self.add(receiver, middle.keyframe, middle.T_keyframe_base, point, readings)
+
+    def add(
+        self, receiver: str, keyframe: int, T_keyframe_base: Pose2, point: PathPoint, readings: Readings
+    ) -> Fingerprint:
+        """Add the fingerprint of these readings, taken at `point` of the path: at `T_keyframe_base` of `keyframe`."""
         number = self._index.add(self.receivers.corrected(receiver, readings))
-        fingerprint = Fingerprint(
-            number, point.stamp_ns, receiver, middle.keyframe, middle.T_keyframe_base, point, readings
-        )
+        fingerprint = Fingerprint(number, point.stamp_ns, receiver, keyframe, T_keyframe_base, point, readings)
         self._measure_gap(fingerprint)
         self.fingerprints.append(fingerprint)
         self._access_points.learn(fingerprint.path_m)

@@ -66,7 +66,8 @@ def hash_of(paths: Sequence[Path]) -> str:
 
 def _write_estimate(directory: Path, estimate: DriveEstimate) -> None:
     write_tum(directory / "trajectory.tum", estimate.stamps_ns, estimate.final)
-    write_tum(directory / "online.tum", estimate.stamps_ns, estimate.online)
+    published = estimate.published
+    write_tum(directory / "online.tum", estimate.stamps_ns[published], estimate.online[published])
     building = estimate.building
     write_g2o(directory / "graph.g2o", building.poses, building.factors.values(), building.calibration.wheels.values)
 

@@ -175,7 +175,7 @@ class Slam:
         grid = building.grid
         return Result(
             Trajectory(ended.stamps_ns, ended.final),
-            Trajectory(ended.stamps_ns, ended.online),
+            Trajectory(ended.stamps_ns[ended.published], ended.online[ended.published]),
             [closure_row(verdict) for verdict in drive.counters.verdicts.values()],
             trinary(grid.probability(), grid.resolution_m, grid.origin_xy_m, drive.config.map),
             building.calibration,

@@ -1,0 +1,86 @@
+"""SLAM that goes on with a known map: the robot is found in it first, then the graph is one."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, covariance_in_b
+from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.events import Event, StateChanged, Warned
+from wayfi.frontends.intake.pose_intake import PlacedPose
+from wayfi.frontends.localization_core import LocalizationCore
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.continuing import MapFix
+from wayfi.frontends.maps.selecting import alone
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.live_pose import Anchor
+from wayfi.frontends.odometry.trajectories import Trajectories
+from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.scan_points import PlacedScan
+from wayfi.frontends.slam import SlamCore
+from wayfi.frontends.slam_config import SlamConfig
+from wayfi.frontends.timer import Timer
+from wayfi.frontends.wifi.readings import PlacedWifiScan
+
+
+class ContinuedSlam(SlamCore):
+    """The drive is estimated from its beginning; no pose is claimed before it is found in the map `building`."""
+
+    def __init__(self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap) -> None:
+        super().__init__(config, prior, timer, building)
+        self._finding: LocalizationCore | None = LocalizationCore(config, prior, timer, building)
+
+    def anchor(self) -> Anchor | None:
+        """The newest keyframe as the anchor of poses since then; None while the robot is not found."""
+        return None if self._finding else super().anchor()
+
+    def add_pose(self, placed: PlacedPose) -> list[Event]:
+        """Add a pose from outside; an initial pose helps to find the robot."""
+        if self._finding is None:
+            return super().add_pose(placed)
+        return self._sought(placed.point.stamp_ns, self._finding.add_pose(placed))
+
+    def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
+        """Add a keyframe at `point`, with its scan if there is one, and close loops from it."""
+        events = super().add_keyframe(point, placed)
+        if self._finding is None:
+            return events
+        events = [event for event in events if not isinstance(event, StateChanged)]
+        return events + self._sought(point.stamp_ns, self._finding.add_keyframe(point, placed))
+
+    def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
+        """Add a WiFi scan at `stamp_ns`, no earlier than its own."""
+        events = super().add_wifi(stamp_ns, scan)
+        return events + (self._sought(stamp_ns, self._finding.add_wifi(stamp_ns, scan)) if self._finding else [])
+
+    def go_on(self, stamp_ns: int) -> list[Event]:
+        """Do a slice of the work that is not tied to a measurement."""
+        events = super().go_on(stamp_ns)
+        return events + (self._sought(stamp_ns, self._finding.go_on(stamp_ns)) if self._finding else [])
+
+    def _sought(self, stamp_ns: int, events: list[Event]) -> list[Event]:
+        """Join the map once the robot is found; `events` are those of looking for it."""
+        found = self._finding.found if self._finding else None
+        if found is None:
+            return events
+        self._finding = None
+        return [*events, *self.join(stamp_ns, [self._fix(found.keyframe, found.T_map_base, found.covariance)])]
+
+    def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
+        """Close the last loops and draw the grid; the drive is a map of its own if the robot was not found."""
+        result, events = super().finish(trajectories)
+        if self._finding is None or not self.keyframe_count:
+            return result, events
+        T = Pose2.of(result.building.poses[self.keyframes.first]).inverse()
+        building = alone(result.building, self.keyframes.first, self._config.map)
+        told = Warned(int(result.stamps_ns[-1]), "the robot was not found in the map: the drive is a map of its own")
+        return replace(result, final=compose_all(T.array(), result.final), building=building), [*events, told]
+
+    def _fix(self, keyframe: int, T_map_base: Pose2, covariance: Floats) -> MapFix:
+        """The pose that was found of a keyframe of the drive, in the nearest keyframe of the map."""
+        first = self.keyframes.first
+        apart = between_all(self.poses[:first], T_map_base.array())
+        a = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1])))
+        T_a_b = Pose2.of(apart[a])
+        in_a = covariance_in_b(covariance, float(self.poses[a, 2]))
+        return MapFix(a, first + keyframe, T_a_b, in_a, np.nan, np.nan)

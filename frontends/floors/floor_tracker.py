@@ -1,0 +1,63 @@
+"""Keeps the floor of the drive's keyframes."""
+
+import numpy as np
+
+from wayfi.backend.pose2 import Floats
+from wayfi.frontends.events import Event, Warned
+from wayfi.frontends.floors.floor_config import FloorConfig
+from wayfi.frontends.floors.floor_watch import FloorWatch
+from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.scan_points import ScanPoints
+from wayfi.frontends.wifi.fingerprints import WifiCandidate
+from wayfi.frontends.wifi.readings import PlacedWifiScan
+from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
+
+
+class FloorTracker:
+    """Gives keyframes another floor once WiFi tells that the robot is on it."""
+
+    def __init__(self, keyframes: Keyframes, wifi: WifiFrontend, config: FloorConfig, sigma_db: float) -> None:
+        self._keyframes, self._wifi, self._config = keyframes, wifi, config
+        self._watch = FloorWatch(config, sigma_db)
+        self._first = 0  # keyframe that may be on another floor
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is not known which floor the robot is on: nothing is closed meanwhile."""
+        return self._watch.doubtful
+
+    def may_close(self, candidate: WifiCandidate) -> bool:
+        """Whether both places of a candidate are on one floor, and it is known where they are from each other."""
+        return not self.doubtful and self._keyframes.may_close(candidate.a.keyframe, candidate.b.keyframe)
+
+    def look(self, scan: ScanPoints) -> bool:
+        """Take note of a scan that was taken while the wheels stood; returns whether it shows that doubt begins."""
+        was_doubtful = self.doubtful
+        self._watch.see(scan, self._keyframes.newest.point.path_m)
+        self._begin_doubt(was_doubtful)
+        return self.doubtful and not was_doubtful
+
+    def hear(self, scan: PlacedWifiScan, stamp_ns: int, poses: Floats) -> list[Event]:
+        """Take note of a WiFi scan; the keyframes since the cabin are on another floor if it tells so."""
+        was_doubtful = self.doubtful
+        tells = self._watch.hear(scan.receiver, scan.point.path_m, scan.readings)
+        self._begin_doubt(was_doubtful)
+        if not tells:
+            return []
+        keyframes = self._keyframes
+        positions = poses[:, :2]
+        near = np.hypot(*(positions - positions[-1]).T) < self._config.near_m
+        heard = [f for f in self._wifi.fingerprints if near[f.keyframe] and f.keyframe < self._first]
+        at = [(int(keyframes.floors[f.keyframe]), f.readings) for f in heard]
+        floor = self._watch.floor_of(scan.readings, at, keyframes.floor, int(keyframes.floors.max()))
+        if floor == keyframes.floor:
+            return []
+        told = f"floor {floor}: WiFi has changed since the robot stood in a cabin on floor {keyframes.floor}"
+        keyframes.change_floor(self._first, floor)
+        return [Warned(stamp_ns, told)]
+
+    def _begin_doubt(self, was_doubtful: bool) -> None:
+        """Scans from here on are compared with none of before: outside of the cabin there may be other walls."""
+        if self.doubtful and not was_doubtful:
+            self._first = len(self._keyframes)
+            self._keyframes.begin_piece(0.0)

@@ -1,0 +1,116 @@
+"""The map that a drive goes on with, and the map that it makes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.grid.grid_map import GridMap
+from wayfi.backend.grid.occupancy_grid import OccupancyGrid
+from wayfi.backend.pose2 import Floats, compose_all, rigid_fit
+from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.closures.lidar_closer import LidarCloser
+from wayfi.frontends.closures.verdicts import Verdicts
+from wayfi.frontends.closures.wifi_closer import WifiCloser
+from wayfi.frontends.keyframes import Keyframes
+from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
+from wayfi.frontends.maps.continuing import keyframes_before, load_graph
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapBefore:
+    """The map that a drive goes on with, and the numbers that the factors of its closures have in the drive's graph."""
+
+    building: BuildingMap
+    factors: dict[int, tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveParts:
+    """What a drive's map is made of, and can begin with."""
+
+    graph: PoseGraph
+    keyframes: Keyframes
+    wifi: WifiFrontend
+    grid: GridMap
+    verdicts: Verdicts
+    lidar_closer: LidarCloser
+    wifi_closer: WifiCloser
+
+
+def begin_with(building: BuildingMap, parts: DriveParts, gap_m: float) -> MapBefore:
+    """Fill the parts of a drive that has not begun with a map, whose path ends `gap_m` before the drive's."""
+    numbers = load_graph(parts.graph, building)
+    keyframes = keyframes_before(building, gap_m)
+    parts.keyframes.begin_with(keyframes, [k.floor for k in building.keyframes], building.pieces)
+    for k in building.keyframes:
+        sensor = k.scan.T_base_laser if k.scan else None
+        parts.grid.add(k.hits, (sensor.x, sensor.y) if sensor else (0.0, 0.0))
+    for f in building.fingerprints:
+        place = keyframes[f.keyframe].point
+        point = PathPoint(f.stamp_ns, place.T_path_base @ f.T_keyframe_base, place.path_m)
+        parts.wifi.add(f.receiver, f.keyframe, f.T_keyframe_base, point, f.readings)
+    parts.verdicts.begin_with(closure.judged for closure in building.closures)
+    factors = {
+        number: tuple(numbers[n] for n in closure.factors)
+        for number, closure in enumerate(building.closures)
+        if closure.factors and number not in building.vetoed
+    }
+    parts.lidar_closer.begin_with(factors)
+    return MapBefore(building, factors)
+
+
+def in_frame_of(poses: Floats, before: MapBefore | None) -> Floats:
+    """(n, 3) the poses of a drive's keyframes in the frame of the map that it went on with.
+
+    The first keyframe holds the graph; as its heading in the map becomes better known, all the others turn around it.
+    """
+    if before is None or not before.building.keyframes:
+        return poses.copy()
+    earlier = before.building.poses
+    T = rigid_fit(poses[: len(earlier), :2], earlier[:, :2])
+    return compose_all(T.array(), poses)
+
+
+def made_map(
+    parts: DriveParts, poses: Floats, calibration: Calibration, grid: OccupancyGrid, before: MapBefore | None
+) -> BuildingMap:
+    """The map of a drive at the keyframes' `poses` (n, 3), and of what it has gone on with."""
+    first = parts.keyframes.first
+    calibrations, factors = parts.graph.calibrations_along(), parts.graph.factors()
+    of_closures = parts.lidar_closer.factors() | parts.wifi_closer.claims.factors()
+    session, vetoed = 0, frozenset[int]()
+    if before is not None:
+        session = 1 + max(k.session for k in before.building.keyframes)
+        vetoed = before.building.vetoed
+        calibrations[:first] = before.building.calibrations
+        of_closures = before.factors | of_closures
+        for closure in sorted(vetoed):
+            kept = {max(factors) + 1 + i: before.building.factors[n] for i, n in enumerate(_factors(before, closure))}
+            factors, of_closures = factors | kept, of_closures | {closure: tuple(kept)}
+    return BuildingMap(
+        _map_keyframes(parts, session, before), poses, calibrations, factors,
+        [MapClosure(judged, of_closures.get(judged.closure, ())) for judged in parts.verdicts],
+        [
+            MapFingerprint(f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.path_m, f.readings)
+            for f in parts.wifi.fingerprints
+        ],
+        parts.wifi.weights(), calibration, grid, tuple(parts.keyframes.moved_to), vetoed,
+    )  # fmt: skip
+
+
+def _factors(before: MapBefore, closure: int) -> tuple[int, ...]:
+    return before.building.closures[closure].factors
+
+
+def _map_keyframes(parts: DriveParts, session: int, before: MapBefore | None) -> list[MapKeyframe]:
+    paths_m = parts.keyframes.paths_m - parts.keyframes.paths_m[0] if len(parts.keyframes) else np.empty(0)
+    known = before.building.keyframes if before else []
+    sessions = [k.session for k in known] + [session] * (len(parts.keyframes) - len(known))
+    floors = parts.keyframes.floors.tolist()
+    return [
+        MapKeyframe(k.point.stamp_ns, float(path_m), k.scan, *rest)
+        for k, path_m, *rest in zip(parts.keyframes, paths_m, parts.grid.hits(), sessions, floors, strict=True)
+    ]

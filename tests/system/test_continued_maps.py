@@ -1,0 +1,68 @@
+"""A drive that goes on with the map of an earlier day: it is found there, and the map stays one."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from buildings.robots import drive
+from buildings.storey import ROUTE, storey
+from drives import Simulated
+
+from wayfi.backend.pose2 import Floats, rigid_fit
+from wayfi.frontends.events import Event, PosePublished, Warned
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.pruning import PruningConfig, pruned
+from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.slam_config import SlamConfig
+
+CONFIG = SlamConfig()
+
+
+@cache
+def first_day() -> tuple[BuildingMap, Simulated]:
+    """The map of the first day, and the drive that made it."""
+    simulated = drive(storey(1), ROUTE, day=0)
+    return estimated(simulated)[0].building, simulated
+
+
+def estimated(simulated: Simulated, building: BuildingMap | None = None) -> tuple[DriveEstimate, list[Event]]:
+    """The drive, going on with a map if there is one; what is published and told."""
+    pipeline = Pipeline(CONFIG, building=building, extends=True)
+    events = [event for a in simulated.arrivals for event in pipeline.process(a.measurement)]
+    result, last = pipeline.finish()
+    return result, events + last
+
+
+def off_m(result: DriveEstimate, simulated: Simulated, building: BuildingMap, truth: Simulated) -> Floats:
+    """(n,) how far the final trajectory is from the truth, where the map puts that."""
+    stamps = np.array([k.stamp_ns for k in building.keyframes])
+    T = rigid_fit(building.poses[:, :2], truth.truth.at(stamps)[:, :2])
+    return np.hypot(*(T.transform(result.final[:, :2]) - simulated.truth.at(result.stamps_ns)[:, :2]).T)
+
+
+def test_another_day_is_estimated_in_the_frame_of_the_map_and_keeps_its_size() -> None:
+    building, truth = first_day()
+    again = drive(storey(1), ROUTE[::-1], day=1)
+    result, events = estimated(again, building)
+    off = off_m(result, again, building, truth)
+    assert np.sqrt((off**2).mean()) < 0.05
+    published = [e for e in events if isinstance(e, PosePublished)]
+    assert 0 < len(published) < len(result.stamps_ns)  # none before the robot was found
+    smaller = pruned(result.building, PruningConfig(), CONFIG.lidar.visibility, CONFIG.map)
+    assert len(result.building.keyframes) > 1.5 * len(building.keyframes)
+    assert len(smaller.keyframes) < 1.3 * len(building.keyframes)
+    assert len(smaller.fingerprints) < 1.3 * len(building.fingerprints)
+    moved_m = np.hypot(*(result.building.poses[: len(building.poses), :2] - building.poses[:, :2]).T)
+    assert moved_m.max() < 0.1
+
+
+def test_a_map_without_wifi_is_gone_on_with_by_the_laser() -> None:
+    building, truth = first_day()
+    deaf = replace(building, fingerprints=[], weights={})
+    again = drive(storey(1), ROUTE[::-1], day=1)
+    result, events = estimated(again, deaf)
+    if any(isinstance(event, PosePublished) for event in events):
+        assert off_m(result, again, building, truth).max() < 0.3
+    else:
+        assert any("not found" in e.text for e in events if isinstance(e, Warned))
