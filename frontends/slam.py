@@ -132,8 +132,7 @@ class SlamCore:
         if not self._grid.due:
             return []
         with self._timer("map"):
-            grid = self._grid.redraw(self.poses)
-        return [grid_event(stamp_ns, grid)]
+            return [grid_event(stamp_ns, self._grid.redraw(self.poses))]
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
@@ -181,6 +180,10 @@ class SlamCore:
         ]
         return [*keyframes, grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
 
+    def made_map(self) -> BuildingMap | None:
+        """The map that the drive has made so far, its grid as drawn last; None before the first keyframe."""
+        return self._building(self._grid.drawn()) if self.keyframe_count else None
+
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
@@ -188,12 +191,12 @@ class SlamCore:
             grid = self._grid.settle(self.poses)
         stamps_ns = trajectories.stamps_ns()
         events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
-        calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
+        building = self._building(grid)
         points = [self.keyframes[k].point for k in range(len(self.keyframes))]
-        final = trajectories.final(points, self.poses, calibration.wheels.values, self.keyframes.moved_to)
-        return DriveEstimate(stamps_ns, final, trajectories.online(), self._building(calibration, grid)), events
+        final = trajectories.final(points, self.poses, building.calibration.wheels.values, self.keyframes.moved_to)
+        return DriveEstimate(stamps_ns, final, trajectories.online(), building), events
 
-    def _building(self, calibration: Calibration, grid: OccupancyGrid) -> BuildingMap:
+    def _building(self, grid: OccupancyGrid) -> BuildingMap:
         """The map that the drive has made so far, with `grid` drawn from it."""
         keyframes = [
             MapKeyframe(k.point.stamp_ns, float(path_m), k.scan, hits)
@@ -203,7 +206,8 @@ class SlamCore:
         return BuildingMap(
             keyframes, self.poses.copy(), self._graph.calibrations_along(), self._graph.factors(),
             [MapClosure(judged, factors.get(judged.closure, ())) for judged in self._verdicts],
-            self._map_fingerprints(), self._wifi.weights(), calibration, grid, tuple(self.keyframes.moved_to),
+            self._map_fingerprints(), self._wifi.weights(),
+            Calibration(self._graph.calibration(), self._wifi.receivers.offsets), grid, tuple(self.keyframes.moved_to),
         )  # fmt: skip
 
     def _map_fingerprints(self) -> list[MapFingerprint]:
@@ -218,8 +222,7 @@ class SlamCore:
         for _ in range(SETTLING_REVIEWS):
             self._graph.settle()
             events += self._estimate.update(stamp_ns, moved=True)
-            reviewed = self._review(last=True)
-            if not reviewed:
+            if not (reviewed := self._review(last=True)):
                 break
             events += reviewed
         self._graph.settle()
