@@ -51,10 +51,9 @@ def save_map(
 def name_of_map(folder: Path) -> MapName | None:
     """The name of the map in `folder`; None where there is none that can be told of."""
     try:
-        found = read_manifest(folder)
+        return read_manifest(folder).name
     except MapError:
         return None
-    return MapName(found.map_id, found.map_version)
 
 
 class MapSaver:
