@@ -34,6 +34,10 @@ class ContinuedSlam(SlamCore):
         """The newest keyframe as the anchor of poses since then; None while the robot is not found."""
         return None if self._finding else super().anchor()
 
+    def made_map(self) -> BuildingMap | None:
+        """The map with what the drive has added so far; None while the robot is not found."""
+        return None if self._finding else super().made_map()
+
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Add a pose from outside; an initial pose helps to find the robot."""
         if self._finding is None:

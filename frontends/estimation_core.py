@@ -66,6 +66,9 @@ class EstimationCore(Protocol):
     def history(self, stamp_ns: int) -> list[Event]:
         """The events with which a new log begins."""
 
+    def made_map(self) -> BuildingMap | None:
+        """The map that the drive has made so far, its grid as drawn last; None where it has made none."""
+
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """End the drive; returns it as estimated with everything."""
 

@@ -112,6 +112,10 @@ class LocalizationCore:
         """The map's grid at `stamp_ns`."""
         return [grid_event(stamp_ns, self._building.grid)]
 
+    def made_map(self) -> BuildingMap | None:
+        """None: the map is as it was."""
+        return None
+
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """The poses that were claimed, and the map as it was."""
         online = trajectories.online()

@@ -109,6 +109,10 @@ class Pipeline:
         """The events with which a new log begins: every keyframe at its present pose, and the grid."""
         return self._core.history(self.stamp_ns)
 
+    def made_map(self) -> BuildingMap | None:
+        """The map that the drive has made so far, its grid as drawn last; None where it has made none."""
+        return self._core.made_map()
+
     def resume(self, seconds: float) -> list[Event]:
         """Go on after `seconds` without measurements; a new estimate is due."""
         self._estimates = EstimateSchedule(keyframes=-1)
@@ -136,12 +140,7 @@ class Pipeline:
         yield from self._use_odometry(Sensor.ODOM, accepted, m, published)
 
     def _use_odometry(
-        self,
-        sensor: Sensor,
-        accepted: Accepted,
-        m: Odometry,
-        published: PosePublished | None = None,
-        newer_ns: int = 0,
+        self, sensor: Sensor, accepted: Accepted, m: Odometry, published: PosePublished | None = None, newer_ns: int = 0
     ) -> Iterator[Event]:
         """Use a message of the wheels or a pose of /tf, of which one that is newer by `newer_ns` has come already."""
         if accepted.shift_ns:

@@ -34,7 +34,7 @@ from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.frontends.slam_map import DriveParts, begin_with, in_frame_of, made_map
+from wayfi.frontends.slam_map import DriveParts, begin_with, in_frame_of, map_of
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
@@ -165,8 +165,7 @@ class SlamCore:
         if not self._grid.due:
             return []
         with self._timer("map"):
-            grid = self._grid.redraw(self.poses)
-        return [grid_event(stamp_ns, grid)]
+            return [grid_event(stamp_ns, self._grid.redraw(self.poses))]
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
@@ -203,6 +202,10 @@ class SlamCore:
         ]
         return [*keyframes, grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
 
+    def made_map(self) -> BuildingMap | None:
+        """The map that the drive has made so far, its grid as drawn last; None before the first keyframe."""
+        return self._building(self.poses, self._grid.drawn()) if self.keyframe_count else None
+
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
@@ -211,12 +214,15 @@ class SlamCore:
             grid = self._grid.settle(poses)
         stamps_ns = trajectories.stamps_ns()
         events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
-        calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
-        building = made_map(self._parts, poses, calibration, grid, self._before)
+        building = self._building(poses, grid)
         first, points = self.keyframes.first, [k.point for k in self.keyframes.own]
         moved_to = [k - first for k in self.keyframes.moved_to if k > first]
-        final = trajectories.final(points, poses[first:], calibration.wheels.values, moved_to)
+        final = trajectories.final(points, poses[first:], building.calibration.wheels.values, moved_to)
         return DriveEstimate(stamps_ns, final, trajectories.online(), building), events
+
+    def _building(self, poses: Floats, grid: OccupancyGrid) -> BuildingMap:
+        calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
+        return map_of(self._parts, poses, calibration, grid, self._before)
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""
@@ -224,8 +230,7 @@ class SlamCore:
         for _ in range(SETTLING_REVIEWS):
             self._graph.settle()
             events += self._estimate.update(stamp_ns, moved=True)
-            reviewed = self._review(last=True)
-            if not reviewed:
+            if not (reviewed := self._review(last=True)):
                 break
             events += reviewed
         self._graph.settle()

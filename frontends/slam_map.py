@@ -74,7 +74,7 @@ def in_frame_of(poses: Floats, before: MapBefore | None) -> Floats:
     return compose_all(T.array(), poses)
 
 
-def made_map(
+def map_of(
     parts: DriveParts, poses: Floats, calibration: Calibration, grid: OccupancyGrid, before: MapBefore | None
 ) -> BuildingMap:
     """The map of a drive at the keyframes' `poses` (n, 3), and of what it has gone on with."""

@@ -88,7 +88,7 @@ class GridMap:
         self._choose_resolution(poses)
         changed = [self._draw(number, poses) for number in self._moved_submaps(poses, tolerance_m)[:most]]
         merged_cells = self._update_base(bounding_window(changed))
-        grid = self._grid()
+        grid = self.drawn()
         self._new_scans = 0
         self._due_after = max(
             REDRAW_KEYFRAMES, (grid.evidence.size + merged_cells // MERGED_PER_CELL) // CELLS_PER_KEYFRAME
@@ -143,8 +143,8 @@ class GridMap:
         self._in_base = full
         return touched
 
-    def _grid(self) -> OccupancyGrid:
-        """The sum of all patches, with a margin of unknown cells."""
+    def drawn(self) -> OccupancyGrid:
+        """The grid as it was drawn last: the sum of all patches, with a margin of unknown cells."""
         margin = math.ceil(self._config.margin_m / self._cell_m)
         grid = Patch(bounding_window(patch.window for patch in self._patches).padded(margin))
         known = grid.window.intersection(self._base.window)

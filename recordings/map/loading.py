@@ -42,7 +42,7 @@ class LoadedMap:
     @property
     def name(self) -> MapName:
         """The id and version of the map, for the one that goes on from it."""
-        return MapName(self.map_id, self.map_version, self.manifest.aligned)
+        return self.manifest.name
 
     @property
     def map_id(self) -> str:

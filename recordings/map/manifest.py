@@ -60,6 +60,11 @@ class Manifest:
     files: Mapping[str, Checksum]
     aligned: tuple[float, float, float] | None = None
 
+    @property
+    def name(self) -> MapName:
+        """The name of the map, for the one that goes on from it."""
+        return MapName(self.map_id, self.map_version, self.aligned)
+
 
 def checksum_of(data: bytes) -> Checksum:
     """The checksum of a file of these bytes."""

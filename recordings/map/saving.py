@@ -29,7 +29,7 @@ from wayfi.recordings.map.columns import utc
 from wayfi.recordings.map.fingerprint_table import access_point_table
 from wayfi.recordings.map.grid_table import grid_table
 from wayfi.recordings.map.keyframe_table import keyframe_table
-from wayfi.recordings.map.manifest import Checksum, Manifest, MapName, checksum_of, manifest_text
+from wayfi.recordings.map.manifest import Checksum, Manifest, MapName, checksum_of, manifest_text, read_manifest
 from wayfi.recordings.map.parts import TABLES, Made, same
 
 STAGED = ".staged"
@@ -48,13 +48,24 @@ def save_map(
     return MapSaver(folder, config, former).save(building)
 
 
+def name_of_map(folder: Path) -> MapName | None:
+    """The name of the map in `folder`; None where there is none that can be told of."""
+    try:
+        return read_manifest(folder).name
+    except MapError:
+        return None
+
+
 class MapSaver:
-    """Saves a map as it grows: only the parts of its tables that have changed since are written."""
+    """Saves a map as it grows: only the parts of its tables that have changed since are written.
+
+    It knows by their identity which scans, factors and readings it has saved: they are never changed.
+    """
 
     def __init__(self, folder: Path, config: MapConfig | None = None, former: MapName | None = None) -> None:
         self._folder, self._config, self._name = folder, config or MapConfig(), former
         self._made: dict[str, list[Made]] = {}
-        self._files: dict[str, Checksum] = {}
+        self._files: dict[str, Checksum] = {}  # of `_folder`, as saved by this object last
 
     def save(self, building: BuildingMap) -> MapName:
         """Save a map as `save_map` does."""
@@ -65,6 +76,7 @@ class MapSaver:
             raise MapError(f"{error.filename or self._folder}: cannot be written: {error.strerror}") from None
 
     def _save(self, building: BuildingMap) -> MapName:
+        self._take_note_of_others()
         staged = self._folder / STAGED
         shutil.rmtree(staged, ignore_errors=True)
         staged.mkdir()
@@ -80,6 +92,18 @@ class MapSaver:
         replace_map(staged, self._folder, files)
         self._made, self._files, self._name = made, files, named
         return named
+
+    def _take_note_of_others(self) -> None:
+        """Where the folder is not as this object left it, all is written anew, as the version after that there."""
+        try:
+            found = read_manifest(self._folder)
+        except MapError:
+            found = None
+        if self._files and (found is None or found.files != self._files):
+            self._made, self._files = {}, {}
+        if found and self._name and found.map_id == self._name.map_id:
+            later = max(found.map_version, self._name.map_version)
+            self._name = replace(self._name, map_version=later)
 
     def _write_parts(
         self, staged: Path, building: BuildingMap, files: dict[str, Checksum]

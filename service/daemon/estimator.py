@@ -16,6 +16,9 @@ from typing import Any
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
 from wayfi.recordings.files.map_files import write_grid
+from wayfi.recordings.files.map_folder import MapError
+from wayfi.recordings.files.result_folder import MAP
+from wayfi.recordings.map.saving import MapSaver, name_of_map
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
 from wayfi.service.daemon.estimator_messages import Compiling, Finish, Ready, Save, Saved, Start, Update, Written
@@ -31,6 +34,7 @@ from wayfi.service.process.compilation import watch_compilation
 from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
 
+MAP_EVERY = 5  # checkpoints: a minute or two, in which saving takes less than a hundredth of the time
 NICENESS = 5  # the daemon's poses come first
 PR_SET_PDEATHSIG = 1
 REPORTED = (StateChanged, Warned)
@@ -85,10 +89,28 @@ class Estimator:
             self._outgoing.send(Compiling(total))
 
     def _checkpoint(self, number: int) -> None:
+        if number % MAP_EVERY == 0:
+            self._save_map()
         try:
             write_checkpoint(self._folder, number, self._live.checkpoint(number))
         except OSError as error:
             self._warnings.append(f"no checkpoint: {error.strerror}; a restart would begin at the one before")
+
+    def _save_map(self) -> None:
+        """Save what the map has become since the last time, so that a daemon that is killed leaves a map."""
+        made = self._live.drive.pipeline.made_map()
+        if made is None:
+            return
+        try:
+            with self._live.drive.timer("files"):
+                self._saver_of(self._live).save(made)
+        except MapError as error:
+            self._warnings.append(f"the map was not saved: {error}")
+
+    def _saver_of(self, live: LiveDrive) -> MapSaver:
+        folder = self._folder / MAP
+        live.saver = live.saver or MapSaver(folder, self._config.map, name_of_map(folder))
+        return live.saver
 
     def _report(self, events: list[Event], published: PosePublished | None) -> None:
         """Report what the daemon does not know yet, then count and log all events."""
@@ -137,7 +159,7 @@ class Estimator:
         seconds = time.monotonic() - self._begun_s
         try:
             source = Source(seconds, seconds, hash_of(parts_of(self._folder, BLACKBOX)), [])
-            write_results(self._folder, drive, result, source, extra)
+            write_results(self._folder, drive, result, source, extra, self._saver_of(live))
         except (OSError, WayfiError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else error
             return Written(len(result.stamps_ns), f"{self._folder}: the results cannot be written: {why}")

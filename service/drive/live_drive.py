@@ -10,6 +10,7 @@ from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Wa
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.log import Log
+from wayfi.recordings.map.saving import MapSaver
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
@@ -30,6 +31,7 @@ class LiveDrive:
         self._estimates: dict[int, Estimate] = {}
         self.newest = 0
         self.checkpoints = 0
+        self.saver: MapSaver | None = None  # pickled with the drive: it knows by their identity which scans are saved
 
     def feed(
         self, sensor: Sensor, encoding: Encoding, data: bytes, topic: str = ""

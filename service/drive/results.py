@@ -16,9 +16,10 @@ from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.calibration_file import write_calibration
 from wayfi.recordings.files.g2o import write_g2o
 from wayfi.recordings.files.map_files import write_map
+from wayfi.recordings.files.result_folder import MAP
 from wayfi.recordings.files.tables import RadioPlace, write_closures, write_radio
 from wayfi.recordings.files.tum import write_tum
-from wayfi.recordings.map.saving import save_map
+from wayfi.recordings.map.saving import MapSaver
 from wayfi.service.config import config_toml
 from wayfi.service.drive.drive import Drive
 
@@ -37,9 +38,17 @@ class Source:
 
 
 def write_results(
-    directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
+    directory: Path,
+    drive: Drive,
+    estimate: DriveEstimate,
+    source: Source,
+    extra: Mapping[str, Any] | None = None,
+    saver: MapSaver | None = None,
 ) -> dict[str, Any]:
-    """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
+    """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError, MapError.
+
+    `saver` saves the map, where it has done so on the way.
+    """
     building = estimate.building
     with drive.timer("files"):
         _write_estimate(directory, estimate)
@@ -48,7 +57,7 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
-        save_map(directory / "map", building, drive.config.map)
+        (saver or MapSaver(directory / MAP, drive.config.map)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
