@@ -55,13 +55,12 @@ def _cells_of(places: Floats, cell_m: float, reach_m: float) -> Cells:
     return Cells(xy, rows, columns, shape, (float(origin[0]), float(origin[1])), cell_m)
 
 
-def _around(
-    places: Floats, cell_m: float, reach_m: float, origin: Floats, shape: tuple[int, int]
-) -> NDArray[np.int64]:
+def _around(places: Floats, cell_m: float, reach_m: float, origin: Floats, shape: tuple[int, int]) -> NDArray[np.int64]:
     """(n, 2) columns and rows of the grid's cells around `places`; a cell may come twice."""
     reach = int(reach_m / cell_m)
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     steps = steps[np.hypot(*steps.T) * cell_m <= reach_m]
     at = np.unique(np.floor((places - origin) / cell_m).astype(np.int64), axis=0)
     around = (at[:, None] + steps).reshape(-1, 2)
-    return around[((around >= 0) & (around < shape[::-1])).all(axis=1)]
+    inside = ((around >= 0) & (around < shape[::-1])).all(axis=1)
+    return np.asarray(around[inside], np.int64)

@@ -42,9 +42,7 @@ def survey(building: BuildingMap, place_m: float, floor: int = 0) -> Survey:
     columns = np.array([number[bssid] for f in fingerprints for bssid in f.readings.bssids], np.int64)
     offsets = building.calibration.receivers
     rows = np.repeat(np.arange(len(fingerprints)), [len(f.readings.bssids) for f in fingerprints])
-    levels = [
-        f.readings.rssi - (offsets[f.receiver].offset_db if f.receiver in offsets else 0.0) for f in fingerprints
-    ]
+    levels = [f.readings.rssi - (offsets[f.receiver].offset_db if f.receiver in offsets else 0.0) for f in fingerprints]
     rssi = np.concatenate([np.zeros(0), *levels]).astype(np.float64)
     return _gathered(xy, rows, columns, rssi, bssids, place_m)
 
