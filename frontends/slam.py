@@ -10,6 +10,7 @@ from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.grid.grid_map import GridMap
+from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2, compose_all, diagonal_covariance
 from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration

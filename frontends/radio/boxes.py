@@ -36,7 +36,7 @@ def boxes(heard: Survey) -> list[Box]:
     founders: list[int] = []
     members: list[list[int]] = []
     for k in np.argsort(-heard.heard.sum(axis=0), kind="stable").tolist():
-        alike = np.flatnonzero((octets[founders] == octets[k]).sum(axis=1) >= EQUAL_OCTETS) if founders else []
+        alike = np.flatnonzero((octets[np.array(founders, np.int64)] == octets[k]).sum(axis=1) >= EQUAL_OCTETS)
         home = next((b for b in alike if _agree(heard, founders[b], k)), None)
         if home is None:
             founders.append(k)
@@ -60,9 +60,9 @@ def _agree(heard: Survey, a: int, b: int) -> bool:
     if np.count_nonzero(both) < max(MIN_COMMON, LEAST_SHARED * fewer):
         return False
     levels = heard.level[both][:, [a, b]].astype(np.float64)
-    if np.std(levels[:, 0] - levels[:, 1]) > AGREEMENT_DB or min(levels.std(axis=0)) == 0.0:
+    if np.std(levels[:, 0] - levels[:, 1]) > AGREEMENT_DB or np.any(np.ptp(levels, axis=0) == 0.0):
         return False
-    return float(np.corrcoef(levels.T)[0, 1]) > CORRELATION
+    return float(np.asarray(np.corrcoef(levels.T))[0, 1]) > CORRELATION
 
 
 def _box(heard: Survey, numbers: list[int]) -> Box:

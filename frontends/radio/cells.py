@@ -62,4 +62,5 @@ def _around(places: Floats, cell_m: float, reach_m: float, origin: Floats, shape
     steps = steps[np.hypot(*steps.T) * cell_m <= reach_m]
     at = np.unique(np.floor((places - origin) / cell_m).astype(np.int64), axis=0)
     around = (at[:, None] + steps).reshape(-1, 2)
-    return around[((around >= 0) & (around < shape[::-1])).all(axis=1)]
+    inside = ((around >= 0) & (around < shape[::-1])).all(axis=1)
+    return np.asarray(around[inside], np.int64)

@@ -28,5 +28,6 @@ class RadioConfig:
     moved_log_odds: float = option(12.0, "", "for two positions against one: e^12 is one in 160,000, of 1,000 boxes")
     carried_share: float = option(0.8, "", "of all places, at which one that rides on the robot is heard")
     carried_db: float = option(4.0, "dB", "within which its level stays; over 30 m any other changes by 10 dB or more")
+    carried_dbm: float = option(-65.0, "dBm", "or more: within a metre it is; far from all places, a level one is weak")
     carried_path_m: float = option(20.0, "m", "across what was driven; over less, a far access point is level too")
     usable_dbm: float = option(-75.0, "dBm", "below it is a hole: wireless data wants -70 to -75, speech -67")

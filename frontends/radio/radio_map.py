@@ -42,8 +42,8 @@ class AccessPoint:
     """A radio, which has one or more `bssids`, the one that is heard most first.
 
     `xy` (2,) m in map and `covariance` (2, 2) m^2 are None unless it is known to stand at one place. `readings` of it
-    were taken at `places`. `level` (n,) dBm and `sigma` (n,) dB are at the cells of the radio map, NaN at those that are
-    far from where it was heard.
+    were taken at `places`. `level` (n,) dBm and `sigma` (n,) dB are at the cells of the radio map, NaN at those far
+    from where it was heard.
     """
 
     bssids: tuple[str, ...]
@@ -101,7 +101,7 @@ def radio_map(
     floor: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> RadioMap:
-    """The radio map of a `floor`; `progress` is told the fraction done. Raises RadioError if nothing was heard there."""
+    """The radio map of a `floor`; `progress` is told the fraction done. Raises RadioError if nothing was heard."""
     heard = survey(building, config.place_m, floor)
     if not heard.bssids:
         raise RadioError(f"no WiFi was heard on floor {floor}: drive there with a receiver, and map again")
@@ -143,10 +143,11 @@ def _stand(
 
 
 def _is_carried(box: Box, heard: Survey, config: RadioConfig) -> bool:
-    """Whether a box is heard nearly everywhere at about one level, though the robot went far."""
+    """Whether a box is heard nearly everywhere at about one high level, though the robot went far."""
     far = np.hypot(*np.ptp(heard.xy, axis=0)) >= config.carried_path_m
     everywhere = np.mean(box.readings > 0) >= config.carried_share
-    return bool(far and everywhere and np.nanstd(box.level) <= config.carried_db)
+    near = np.nanmedian(box.level) >= config.carried_dbm
+    return bool(far and everywhere and near and np.nanstd(box.level) <= config.carried_db)
 
 
 def _was_moved(evidence: Evidence, placed: Placed, bounds: Bounds, config: RadioConfig) -> bool:

@@ -5,9 +5,11 @@ from urllib.parse import quote
 
 from wayfi.recordings.rerun.viewer_process import HOST, ViewerError, free_port, viewer_process
 
+RADIO_LOG = "radio.rrd"  # of `wayfi radio`
+
 
 def view(path: Path, web: bool = False) -> None:
-    """Show a log: `path` is an .rrd file, or a folder with session.rrd or session_*.rrd (the newest is shown).
+    """Show a log: `path` is an .rrd file, or a folder with session.rrd, session_*.rrd (the newest), or radio.rrd.
 
     Blocks until the viewer ends; Ctrl-C ends it. With `web`, serves the web viewer on 127.0.0.1 and prints its address.
     Raises ViewerError if there is no log or the viewer fails.
@@ -38,6 +40,9 @@ def find_log(path: Path) -> Path:
     if session.is_file():
         return session
     parts = sorted(path.glob("session_*.rrd"), key=lambda part: (part.stat().st_mtime_ns, part.name))
+    radio = path / RADIO_LOG
+    if not parts and radio.is_file():
+        return radio
     if not parts:
         raise ViewerError(f"{path} holds no session.rrd and no session_*.rrd: replay without --no-rrd")
     return parts[-1]

@@ -8,6 +8,7 @@ import typer
 from wayfi.service.cli.configuration import compile_all, show_config
 from wayfi.service.cli.daemon import run
 from wayfi.service.cli.maps import align, closures, merge
+from wayfi.service.cli.radio import radio
 from wayfi.service.cli.recordings import demo, import_file, inspect, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
 from wayfi.service.process.compilation import ensure_cache
@@ -32,6 +33,7 @@ for command in (
     closures,
     merge,
     align,
+    radio,
 ):
     app.command()(command)
 app.command(name="import")(import_file)

@@ -46,6 +46,9 @@ def config_of(values: Mapping[str, Any]) -> Config:
     return config
 
 
+SIGNED_UNIT = "dBm"  # a logarithm: of other units, settings are above zero
+
+
 def _refuse_impossible(section: Any, path: str) -> None:  # noqa: ANN401 - any section
     for f in fields(section):
         value = getattr(section, f.name)
@@ -60,7 +63,7 @@ def _complaint(name: str, value: Any, unit: str) -> str | None:  # noqa: ANN401 
     entries = value if isinstance(value, list) else [value]
     if not all(math.isfinite(entry) for entry in entries if isinstance(entry, float)):
         return "finite"
-    if isinstance(value, int | float) and unit not in ("", "dBm") and value <= 0:
+    if isinstance(value, int | float) and unit not in ("", SIGNED_UNIT) and value <= 0:
         return f"above zero, in {unit}"
     if name == "port" and not 0 < value < 65536:
         return "from 1 to 65535"

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from wayfi.backend.options import option
 from wayfi.frontends.measurements import Sensor
+from wayfi.frontends.radio.radio_config import RadioConfig
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.recordings.rerun.config import RerunConfig
 
@@ -86,6 +87,7 @@ class RecordingConfig:
 class Config(SlamConfig):
     """The whole configuration: the sections of the estimation and those of the program."""
 
+    radio: RadioConfig = field(default_factory=RadioConfig)
     rerun: RerunConfig = field(default_factory=RerunConfig)
     zenoh: ZenohConfig = field(default_factory=ZenohConfig)
     recording: RecordingConfig = field(default_factory=RecordingConfig)
