@@ -19,7 +19,7 @@ from wayfi.frontends.maps.building_map import BuildingMap
 
 LEVELS = 4  # the largest block has 2 ** (LEVELS - 1) cells a side, 1.6 m: larger ones have a wall nearly everywhere
 FULL = 255  # the likelihood of a point on a wall
-SUB = 2  # parts of a cell's side that a wall's points are told apart by
+PARTS = 4  # of a cell's side: the finest cells are of 5 cm, as those of the grid
 SLICE = 200  # scans placed at once
 FREE = -2  # evidence of a cell that more than one ray has passed
 NEAR_CELLS = 1  # of the grid, from a point: its wall may be drawn in the next cell
@@ -29,12 +29,14 @@ class PlaceField(NamedTuple):
     """The likelihood of a point in each cell of side `cell_m`, and the cells where a robot can be; rows run along x.
 
     `pooled[k][r, c]` uint8 is the greatest likelihood of the 2**k x 2**k cells from (r - 2**k + 1, c - 2**k + 1) on.
-    `open[k][i, j]` tells whether a robot can be in any of the 2**k x 2**k cells from (i * 2**k, j * 2**k) on. The lower
-    corner of cell (0, 0) is `origin` (2,) m in `map`.
+    `open[k][i, j]` tells whether a robot can be in any of the 2**k x 2**k cells from (i * 2**k, j * 2**k) on.
+    `fine` has PARTS x PARTS cells for each cell, and a sharper likelihood. The lower corner of cell (0, 0) is `origin`
+    (2,) m in `map`.
     """
 
     pooled: tuple[NDArray[np.uint8], ...]
     open: tuple[NDArray[np.bool_], ...]
+    fine: NDArray[np.uint8]
     origin: Floats
     cell_m: float
 
@@ -43,38 +45,39 @@ def building_steps(building: BuildingMap, config: MapSearchConfig) -> Iterator[P
     """Build the field of a map step by step, each step a few milliseconds; the last one yields it."""
     numbers = [k for k, keyframe in enumerate(building.keyframes) if keyframe.scan is not None and _finite(building, k)]
     places = building.poses[numbers, :2]
-    origin, shape = _extent(places, building.grid, config)
-    walls = np.zeros((shape[0] * SUB, shape[1] * SUB), np.bool_)
+    origin, shape = _extent(places, building.grid, config.cell_m)
+    walls = np.zeros((shape[0] * PARTS, shape[1] * PARTS), np.bool_)
     for start in range(0, len(numbers), SLICE):
         for k in numbers[start : start + SLICE]:
             scan = building.keyframes[k].scan
             assert scan is not None
             points = Pose2.of(building.poses[k]).transform(scan.points)
-            _mark(walls, _still_there(points, building.grid), origin, config.cell_m / SUB)
+            _mark(walls, _still_there(points, building.grid), origin, config.cell_m / PARTS)
         yield None
-    fine = _blurred(walls, config.blur_m / config.cell_m)
+    fine = _blurred(walls, 1, config.fine_blur_m * PARTS / config.cell_m)
     yield None
-    pooled = [fine]
+    pooled = [_blurred(walls, PARTS, config.blur_m / config.cell_m)]
+    yield None
     for k in range(1, LEVELS):
         pooled.append(_pooled(pooled[-1], 2 ** (k - 1)))
         yield None
     open_levels = [_open_cells(building.grid, places, origin, shape, config.cell_m)]
     for _ in range(1, LEVELS):
         open_levels.append(_halved(open_levels[-1]))
-    yield PlaceField(tuple(pooled), tuple(open_levels), origin, config.cell_m)
+    yield PlaceField(tuple(pooled), tuple(open_levels), fine, origin, config.cell_m)
 
 
 def _finite(building: BuildingMap, keyframe: int) -> bool:
     return bool(np.isfinite(building.poses[keyframe]).all())
 
 
-def _extent(places: Floats, grid: OccupancyGrid, config: MapSearchConfig) -> tuple[Floats, tuple[int, int]]:
+def _extent(places: Floats, grid: OccupancyGrid, cell_m: float) -> tuple[Floats, tuple[int, int]]:
     """The lower corner of the field (m), and its cells along x and y: those of the grid, and of the keyframes."""
     rows, columns = grid.evidence.shape
     low = np.array(grid.origin_xy_m)
     corners = np.vstack([low, low + grid.resolution_m * np.array([columns, rows]), places])
-    low = corners.min(axis=0) - config.cell_m
-    x, y = np.ceil((corners.max(axis=0) - low) / config.cell_m).astype(int) + 1
+    low = corners.min(axis=0) - cell_m
+    x, y = np.ceil((corners.max(axis=0) - low) / cell_m).astype(int) + 1
     return low, (int(x), int(y))
 
 
@@ -107,19 +110,22 @@ def _mark(walls: NDArray[np.bool_], points: Floats, origin: Floats, cell_m: floa
 
 
 @njit(cache=True)
-def _blurred(walls: NDArray[np.bool_], sigma_cells: float) -> NDArray[np.uint8]:
-    """The Gaussian of the distance of each cell's middle from the nearest wall, up to two sigmas."""
-    rows, columns = walls.shape[0] // SUB, walls.shape[1] // SUB
+def _blurred(walls: NDArray[np.bool_], parts: int, sigma_cells: float) -> NDArray[np.uint8]:
+    """The Gaussian of the distance of each cell's middle from the nearest wall, up to two sigmas.
+
+    A cell has `parts` x `parts` of the cells of `walls`.
+    """
+    rows, columns = walls.shape[0] // parts, walls.shape[1] // parts
     reach = math.ceil(2 * sigma_cells)
     field = np.zeros((rows, columns), np.uint8)
     for i in range(walls.shape[0]):
         for j in range(walls.shape[1]):
             if not walls[i, j]:
                 continue
-            r0, c0 = i // SUB, j // SUB
+            r0, c0 = i // parts, j // parts
             for r in range(max(r0 - reach, 0), min(r0 + reach + 1, rows)):
                 for c in range(max(c0 - reach, 0), min(c0 + reach + 1, columns)):
-                    dr, dc = r + 0.5 - (i + 0.5) / SUB, c + 0.5 - (j + 0.5) / SUB
+                    dr, dc = r + 0.5 - (i + 0.5) / parts, c + 0.5 - (j + 0.5) / parts
                     d2 = (dr * dr + dc * dc) / (sigma_cells * sigma_cells)
                     if d2 <= 4.0:
                         field[r, c] = max(field[r, c], np.uint8(FULL * np.exp(-0.5 * d2)))
