@@ -122,15 +122,15 @@ class SearchState(NamedTuple):
     `cells` (angles, n, 2) are the points by angle, `first` (m, 2) the largest blocks' rows and columns; `waiting` the
     heap; `found` (most, 4) row, column, angle and score of the poses found, and `numbers` 1 + the number of the newest
     one by its row, column and angle in steps of APART_CELLS and APART_ANGLES; `best` (1,) the best score of a pose yet.
-    `counts` are the poses compared, the first blocks compared, the blocks waiting, the poses found, and 1 if any was
-    given up.
+    `counts` are the poses and blocks compared, the first blocks compared, the blocks waiting, the poses found, and 1 if
+    any was given up.
     """
 
     cells: NDArray[np.int32]
     first: Ints
     waiting: Ints
     found: Floats
-    numbers: NDArray[np.int16]
+    numbers: NDArray[np.int32]
     best: Floats
     counts: Ints
     bounds: Bounds
@@ -142,7 +142,7 @@ def begun(
     """A search at its start."""
     rows, columns = field.pooled[0].shape
     shape = (rows // APART_CELLS + 1, columns // APART_CELLS + 1, len(cells) // APART_ANGLES + 1)
-    waiting, numbers = np.zeros(max_waiting, np.int64), np.zeros(shape, np.int16)
+    waiting, numbers = np.zeros(max_waiting, np.int64), np.zeros(shape, np.int32)
     return SearchState(cells, first, waiting, np.zeros((most, 4)), numbers, np.zeros(1), np.zeros(5, np.int64), bounds)
 
 
@@ -160,6 +160,7 @@ def advance(state: SearchState, field: PlaceField, work: int) -> bool:
         block = unpacked(state.waiting[0])
         if block.score < _least(state) or counts[3] == state.found.shape[0]:
             return True
+        counts[0] += 1  # the heap costs as much as a pose
         counts[2] = pop(state.waiting, counts[2])
         _divide(state, field, block)
     all_compared = counts[2] == 0 and counts[1] == state.first.shape[0] * angles
@@ -192,7 +193,6 @@ def _compare(state: SearchState, field: PlaceField, level: int, row: int, column
 def _divide(state: SearchState, field: PlaceField, block: Block) -> None:
     """Compare the four parts of a block; a single pose is found if it is not near to one that was found before."""
     if block.level == 0:
-        state.counts[0] += 1
         _find(state, block)
         return
     level, half = block.level - 1, 1 << (block.level - 1)
