@@ -20,6 +20,8 @@ LEVEL_BITS = 3
 LEVEL_SHIFT = 2 * CELL_BITS + ANGLE_BITS
 SCORE_SHIFT = LEVEL_SHIFT + LEVEL_BITS
 
+APART_CELLS, APART_ANGLES = 2, 4  # of two poses that are found: refining leads from one to the next
+
 Ints = NDArray[np.int64]
 
 
@@ -107,13 +109,10 @@ def pop(waiting: Ints, count: int) -> int:
 
 
 class Bounds(NamedTuple):
-    """When a search ends, and what it tells: see `MapSearchConfig`."""
+    """When a search ends: poses below `min_score`, or `share` of the best score, are not looked for."""
 
     min_score: float
-    rival_share: float
-    most: int
-    apart_cells: float
-    apart_angles: float
+    share: float
     max_poses: int
 
 
@@ -121,18 +120,30 @@ class SearchState(NamedTuple):
     """A search under way.
 
     `cells` (angles, n, 2) are the points by angle, `first` (m, 2) the largest blocks' rows and columns; `waiting` the
-    heap; `found` (most, 4) row, column, angle and score of the places found; `best` (1,) the best score of a pose yet.
-    `counts` are the poses compared, the first blocks compared, the blocks waiting and the places found, and whether
-    blocks were given up.
+    heap; `found` (most, 4) row, column, angle and score of the poses found, and `numbers` 1 + the number of the newest
+    one by its row, column and angle in steps of APART_CELLS and APART_ANGLES; `best` (1,) the best score of a pose yet.
+    `counts` are the poses and blocks compared, the first blocks compared, the blocks waiting, the poses found, and 1 if
+    any was given up.
     """
 
     cells: NDArray[np.int32]
     first: Ints
     waiting: Ints
     found: Floats
+    numbers: NDArray[np.int32]
     best: Floats
     counts: Ints
     bounds: Bounds
+
+
+def begun(
+    cells: NDArray[np.int32], first: Ints, field: PlaceField, most: int, max_waiting: int, bounds: Bounds
+) -> SearchState:
+    """A search at its start."""
+    rows, columns = field.pooled[0].shape
+    shape = (rows // APART_CELLS + 1, columns // APART_CELLS + 1, len(cells) // APART_ANGLES + 1)
+    waiting, numbers = np.zeros(max_waiting, np.int64), np.zeros(shape, np.int32)
+    return SearchState(cells, first, waiting, np.zeros((most, 4)), numbers, np.zeros(1), np.zeros(5, np.int64), bounds)
 
 
 @njit(cache=True)
@@ -147,8 +158,9 @@ def advance(state: SearchState, field: PlaceField, work: int) -> bool:
         _compare(state, field, top, state.first[k, 0], state.first[k, 1], a)
     while counts[2] > 0 and counts[0] < until:
         block = unpacked(state.waiting[0])
-        if block.score < _least(state) or counts[3] == bounds.most:
+        if block.score < _least(state) or counts[3] == state.found.shape[0]:
             return True
+        counts[0] += 1  # the heap costs as much as a pose
         counts[2] = pop(state.waiting, counts[2])
         _divide(state, field, block)
     all_compared = counts[2] == 0 and counts[1] == state.first.shape[0] * angles
@@ -158,7 +170,7 @@ def advance(state: SearchState, field: PlaceField, work: int) -> bool:
 @njit(cache=True)
 def _least(state: SearchState) -> float:
     """The score below which a pose is neither a place nor a rival of the best."""
-    least: float = max(state.bounds.min_score, state.bounds.rival_share * state.best[0])
+    least: float = max(state.bounds.min_score, state.bounds.share * state.best[0])
     return least
 
 
@@ -179,13 +191,9 @@ def _compare(state: SearchState, field: PlaceField, level: int, row: int, column
 
 @njit(cache=True)
 def _divide(state: SearchState, field: PlaceField, block: Block) -> None:
-    """Compare the four parts of a block; a single pose becomes a place. Nothing is left of one near a place."""
-    if _is_near(state, block):
-        return
+    """Compare the four parts of a block; a single pose is found if it is not near to one that was found before."""
     if block.level == 0:
-        found = state.found[state.counts[3]]
-        found[0], found[1], found[2], found[3] = block.row, block.column, block.angle, block.score
-        state.counts[3] += 1
+        _find(state, block)
         return
     level, half = block.level - 1, 1 << (block.level - 1)
     for row in (block.row, block.row + half):
@@ -197,15 +205,23 @@ def _divide(state: SearchState, field: PlaceField, block: Block) -> None:
 
 
 @njit(cache=True)
-def _is_near(state: SearchState, block: Block) -> bool:
-    """Whether all poses of the block are near a place that was found."""
-    side, angles = (1 << block.level) - 1, state.cells.shape[0]
-    for k in range(state.counts[3]):
-        row, column, angle = state.found[k, 0], state.found[k, 1], state.found[k, 2]
-        dr = max(abs(block.row - row), abs(block.row + side - row))
-        dc = max(abs(block.column - column), abs(block.column + side - column))
-        turned = abs(block.angle - angle)
-        near = dr * dr + dc * dc < state.bounds.apart_cells**2
-        if near and min(turned, angles - turned) < state.bounds.apart_angles:
-            return True
-    return False
+def _find(state: SearchState, block: Block) -> None:
+    number, numbers = state.counts[3], state.numbers
+    i, j, k = block.row // APART_CELLS, block.column // APART_CELLS, block.angle // APART_ANGLES
+    for near_i in range(max(i - 1, 0), min(i + 2, numbers.shape[0])):
+        for near_j in range(max(j - 1, 0), min(j + 2, numbers.shape[1])):
+            for dk in range(-1, 2):
+                other = numbers[near_i, near_j, (k + dk) % numbers.shape[2]]
+                if other > 0 and _is_near(state.found[other - 1], block, state.cells.shape[0]):
+                    return
+    found = state.found[number]
+    found[0], found[1], found[2], found[3] = block.row, block.column, block.angle, block.score
+    numbers[i, j, k] = number + 1
+    state.counts[3] += 1
+
+
+@njit(cache=True)
+def _is_near(found: Floats, block: Block, angles: int) -> bool:
+    turned = abs(block.angle - found[2])
+    apart = max(abs(block.row - found[0]), abs(block.column - found[1]))
+    return bool(apart < APART_CELLS and min(turned, angles - turned) < APART_ANGLES)

@@ -5,20 +5,15 @@ about as well as the best one, and how nearly they do.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.localization.branch_and_bound import (
-    Bounds,
-    Ints,
-    SearchState,
-    advance,
-    cells_at,
-)
+from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.frontends.localization.branch_and_bound import Bounds, Ints, advance, begun, cells_at
 from wayfi.frontends.localization.place_field import LEVELS, PlaceField, building_steps
+from wayfi.frontends.localization.refining import POSES, refined
 from wayfi.frontends.localization.search_config import MapSearchConfig
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.scan_points import ScanPoints
@@ -69,22 +64,17 @@ class MapSearch:
         self._steps: Iterator[PlaceField | None] = building_steps(building, config)
         self._field: PlaceField | None = None
         self._wanted: tuple[Floats, Region | None] | None = None
-        self._state: SearchState | None = None
+        self._search: _Search | None = None
 
-    def begin(self, scans: list[ScanPoints], poses: Floats, region: Region | None = None) -> bool:
+    def begin(self, scans: Sequence[ScanPoints], poses: Floats, region: Region | None = None) -> bool:
         """Search for `scans` at (n, 3) poses in the base_link that is to be found; False if they have too few points.
 
         The last search is given up. With a `region` only poses in it are compared.
         """
-        points = thinned(scans, poses, self._config.cell_m)
-        self._state, self._wanted = None, None
-        if len(points) < self._config.min_points:
-            return False
-        self._wanted = (
-            points[np.linspace(0, len(points) - 1, min(len(points), self._config.points)).astype(int)],
-            region,
-        )
-        return True
+        points = thinned(scans, poses, self._config.cell_m / 2)
+        self._wanted = (points, region) if len(points) >= self._config.min_points else None
+        self._search = None
+        return self._wanted is not None
 
     def go_on(self, work: int) -> SearchResult | None:
         """Compare about `work` poses more, and return what was found once all are compared; None before."""
@@ -92,45 +82,74 @@ class MapSearch:
             self._field, work = next(self._steps), work - STEP_WORK
         if self._wanted is None or self._field is None or work <= 0:
             return None
-        if self._state is None:
-            self._state = self._new_state(self._field, *self._wanted)
-        if not advance(self._state, self._field, work):
+        if self._search is None:
+            self._search = _Search(self._field, *self._wanted, self._config)
             return None
-        found, self._wanted = self._result(self._state, self._field), None
-        return found
+        result = self._search.go_on(work)
+        if result is not None:
+            self._wanted = self._search = None
+        return result
 
-    def _new_state(self, field: PlaceField, points: Floats, region: Region | None) -> SearchState:
-        config, cell_m = self._config, field.cell_m
-        count = math.ceil(2 * math.pi / config.angle_step)
-        angles = np.arange(count, dtype=np.float64) * (2 * math.pi / count)
-        return SearchState(
-            cells_at(points, angles, cell_m),
-            _first_blocks(field, region),
-            np.zeros(config.max_waiting, np.int64),
-            np.zeros((config.most, 4)),
-            np.zeros(1),
-            np.zeros(5, np.int64),
-            Bounds(
-                config.min_score,
-                config.rival_share,
-                config.most,
-                config.apart_m / cell_m,
-                config.apart_rad * count / (2 * math.pi),
-                config.max_poses,
-            ),
+
+class _Search:
+    """One search: poses by whole cells all over the map, of which those that fit are refined."""
+
+    def __init__(self, field: PlaceField, points: Floats, region: Region | None, config: MapSearchConfig) -> None:
+        self._field, self._config = field, config
+        self._fine_points = evenly(points, config.fine_points)
+        self._angles = math.ceil(2 * math.pi / config.angle_step)
+        angles = np.arange(self._angles, dtype=np.float64) * (2 * math.pi / self._angles)
+        cells = cells_at(evenly(points, config.points), angles, field.cell_m)
+        bounds = Bounds(config.min_score, config.refined_share, config.max_poses)
+        first = _first_blocks(field, region)
+        self._state = begun(cells, first, field, config.most_refined, config.max_waiting, bounds)
+        self._compared = False
+        self._refined: list[Place] = []
+
+    def go_on(self, work: int) -> SearchResult | None:
+        if not self._compared:
+            self._compared = advance(self._state, self._field, work)
+            return None
+        found = self._state.found[: self._state.counts[3]]
+        for row, column, angle, _ in found[len(self._refined) :][: max(1, work // POSES)]:
+            self._refined.append(self._refine(row, column, angle))
+        return self._result() if len(self._refined) == len(found) else None
+
+    def _refine(self, row: float, column: float, angle: float) -> Place:
+        x, y = self._field.origin + self._field.cell_m * (np.array([row, column]) + 0.5)
+        pose, score = refined(self._fine_points, self._field, np.array([x, y, angle * 2 * math.pi / self._angles]))
+        return Place(Pose2.of(pose), score)
+
+    def _result(self) -> SearchResult:
+        poses, _, _, found, given_up = self._state.counts.tolist()
+        places = self._apart()
+        config = self._config
+        complete = not given_up and found < config.most_refined and poses < config.max_poses
+        return SearchResult(
+            tuple(places[: config.most]), complete and len(places) <= config.most, poses + found * POSES
         )
 
-    def _result(self, state: SearchState, field: PlaceField) -> SearchResult:
-        poses, _, _, found, given_up = state.counts
-        places = []
-        for row, column, angle, score in state.found[:found]:
-            x, y = field.origin + field.cell_m * (np.array([row, column]) + 0.5)
-            places.append(Place(Pose2.of((x, y, angle * 2 * math.pi / len(state.cells))), float(score)))
-        complete = not given_up and found < self._config.most and poses < self._config.max_poses
-        return SearchResult(tuple(places), bool(complete), int(poses))
+    def _apart(self) -> list[Place]:
+        """The best of the refined places, and its rivals: those apart from each other and from it, the best first."""
+        config, places = self._config, sorted(self._refined, key=lambda place: -place.score)
+        kept: list[Place] = []
+        for place in places:
+            if place.score < max(config.min_score, config.rival_share * places[0].score) or len(kept) > config.most:
+                break
+            if not any(self._is_near(place.T_map_base, other.T_map_base) for other in kept):
+                kept.append(place)
+        return kept
+
+    def _is_near(self, a: Pose2, b: Pose2) -> bool:
+        return a.distance(b) < self._config.apart_m and abs(wrap(a.theta - b.theta)) < self._config.apart_rad
 
 
-def thinned(scans: list[ScanPoints], poses: Floats, cell_m: float) -> Floats:
+def evenly(points: Floats, most: int) -> Floats:
+    """At most `most` of the points (n, 2), evenly from the first to the last."""
+    return points[np.linspace(0, len(points) - 1, min(len(points), most)).astype(np.int64)]
+
+
+def thinned(scans: Sequence[ScanPoints], poses: Floats, cell_m: float) -> Floats:
     """One point (n, 2) m of each cell that the `scans` at (m, 3) `poses` have points in, by cells."""
     placed = [Pose2.of(pose).transform(scan.points) for scan, pose in zip(scans, poses, strict=True)]
     points = np.concatenate([np.zeros((0, 2)), *placed])

@@ -19,9 +19,12 @@ from wayfi.frontends.maps.building_map import BuildingMap
 
 LEVELS = 4  # the largest block has 2 ** (LEVELS - 1) cells a side, 1.6 m: larger ones have a wall nearly everywhere
 FULL = 255  # the likelihood of a point on a wall
-SUB = 2  # parts of a cell's side that a wall's points are told apart by
+PARTS = 4  # of a cell's side: the finest cells are of 5 cm, as those of the grid
+MAX_CELLS = 4_000_000  # 400 x 400 m at 20 cm: bounds the memory to 100 MB, however far a false pose lies
+MAX_SIDE = 60_000  # cells along an axis: rows and columns of 16 bits
 SLICE = 200  # scans placed at once
 FREE = -2  # evidence of a cell that more than one ray has passed
+BAND = 400  # rows of walls, 20 m, that are blurred at once
 NEAR_CELLS = 1  # of the grid, from a point: its wall may be drawn in the next cell
 
 
@@ -29,12 +32,14 @@ class PlaceField(NamedTuple):
     """The likelihood of a point in each cell of side `cell_m`, and the cells where a robot can be; rows run along x.
 
     `pooled[k][r, c]` uint8 is the greatest likelihood of the 2**k x 2**k cells from (r - 2**k + 1, c - 2**k + 1) on.
-    `open[k][i, j]` tells whether a robot can be in any of the 2**k x 2**k cells from (i * 2**k, j * 2**k) on. The lower
-    corner of cell (0, 0) is `origin` (2,) m in `map`.
+    `open[k][i, j]` tells whether a robot can be in any of the 2**k x 2**k cells from (i * 2**k, j * 2**k) on.
+    `fine` has PARTS x PARTS cells for each cell, and a sharper likelihood. The lower corner of cell (0, 0) is `origin`
+    (2,) m in `map`.
     """
 
     pooled: tuple[NDArray[np.uint8], ...]
     open: tuple[NDArray[np.bool_], ...]
+    fine: NDArray[np.uint8]
     origin: Floats
     cell_m: float
 
@@ -43,39 +48,47 @@ def building_steps(building: BuildingMap, config: MapSearchConfig) -> Iterator[P
     """Build the field of a map step by step, each step a few milliseconds; the last one yields it."""
     numbers = [k for k, keyframe in enumerate(building.keyframes) if keyframe.scan is not None and _finite(building, k)]
     places = building.poses[numbers, :2]
-    origin, shape = _extent(places, building.grid, config)
-    walls = np.zeros((shape[0] * SUB, shape[1] * SUB), np.bool_)
+    origin, shape, cell_m = _extent(places, building.grid, config.cell_m)
+    walls = np.zeros((shape[0] * PARTS, shape[1] * PARTS), np.bool_)
     for start in range(0, len(numbers), SLICE):
         for k in numbers[start : start + SLICE]:
             scan = building.keyframes[k].scan
             assert scan is not None
             points = Pose2.of(building.poses[k]).transform(scan.points)
-            _mark(walls, _still_there(points, building.grid), origin, config.cell_m / SUB)
+            _mark(walls, _still_there(points, building.grid), origin, cell_m / PARTS)
         yield None
-    fine = _blurred(walls, config.blur_m / config.cell_m)
-    yield None
-    pooled = [fine]
+    fine, coarse = np.zeros(walls.shape, np.uint8), np.zeros(shape, np.uint8)
+    for start in range(0, len(walls), BAND):
+        _blur(walls, start, start + BAND, fine, config.fine_blur_m * PARTS / cell_m)
+        yield None
+        _blur(walls, start, start + BAND, coarse, config.blur_m / cell_m)
+        yield None
+    pooled = [coarse]
     for k in range(1, LEVELS):
         pooled.append(_pooled(pooled[-1], 2 ** (k - 1)))
         yield None
-    open_levels = [_open_cells(building.grid, places, origin, shape, config.cell_m)]
+    open_levels = [_open_cells(building.grid, places, origin, shape, cell_m)]
     for _ in range(1, LEVELS):
         open_levels.append(_halved(open_levels[-1]))
-    yield PlaceField(tuple(pooled), tuple(open_levels), origin, config.cell_m)
+    yield PlaceField(tuple(pooled), tuple(open_levels), fine, origin, cell_m)
 
 
 def _finite(building: BuildingMap, keyframe: int) -> bool:
     return bool(np.isfinite(building.poses[keyframe]).all())
 
 
-def _extent(places: Floats, grid: OccupancyGrid, config: MapSearchConfig) -> tuple[Floats, tuple[int, int]]:
-    """The lower corner of the field (m), and its cells along x and y: those of the grid, and of the keyframes."""
+def _extent(places: Floats, grid: OccupancyGrid, cell_m: float) -> tuple[Floats, tuple[int, int], float]:
+    """The lower corner of the field (m), its cells along x and y, and their side: `cell_m`, more if there are too many.
+
+    It holds the grid, and the keyframes' places (n, 2) m.
+    """
     rows, columns = grid.evidence.shape
     low = np.array(grid.origin_xy_m)
     corners = np.vstack([low, low + grid.resolution_m * np.array([columns, rows]), places])
-    low = corners.min(axis=0) - config.cell_m
-    x, y = np.ceil((corners.max(axis=0) - low) / config.cell_m).astype(int) + 1
-    return low, (int(x), int(y))
+    extent = corners.max(axis=0) - corners.min(axis=0)
+    cell_m = max(cell_m, math.sqrt(extent.prod() / MAX_CELLS), extent.max() / MAX_SIDE)
+    x, y = np.ceil(extent / cell_m).astype(int) + 2
+    return corners.min(axis=0) - 0.5 * cell_m, (int(x), int(y)), cell_m
 
 
 def _still_there(points: Floats, grid: OccupancyGrid) -> Floats:
@@ -107,23 +120,24 @@ def _mark(walls: NDArray[np.bool_], points: Floats, origin: Floats, cell_m: floa
 
 
 @njit(cache=True)
-def _blurred(walls: NDArray[np.bool_], sigma_cells: float) -> NDArray[np.uint8]:
-    """The Gaussian of the distance of each cell's middle from the nearest wall, up to two sigmas."""
-    rows, columns = walls.shape[0] // SUB, walls.shape[1] // SUB
-    reach = math.ceil(2 * sigma_cells)
-    field = np.zeros((rows, columns), np.uint8)
-    for i in range(walls.shape[0]):
+def _blur(walls: NDArray[np.bool_], first: int, end: int, field: NDArray[np.uint8], sigma_cells: float) -> None:
+    """Draw the walls of rows from `first` until `end` into the field: the Gaussian of a cell's distance from them.
+
+    It ends at two sigmas. A cell of the field has one or more of the cells of `walls` along a side.
+    """
+    rows, columns = field.shape
+    parts, reach = walls.shape[0] // rows, math.ceil(2 * sigma_cells)
+    for i in range(first, min(end, walls.shape[0])):
         for j in range(walls.shape[1]):
             if not walls[i, j]:
                 continue
-            r0, c0 = i // SUB, j // SUB
+            r0, c0 = i // parts, j // parts
             for r in range(max(r0 - reach, 0), min(r0 + reach + 1, rows)):
                 for c in range(max(c0 - reach, 0), min(c0 + reach + 1, columns)):
-                    dr, dc = r + 0.5 - (i + 0.5) / SUB, c + 0.5 - (j + 0.5) / SUB
+                    dr, dc = r + 0.5 - (i + 0.5) / parts, c + 0.5 - (j + 0.5) / parts
                     d2 = (dr * dr + dc * dc) / (sigma_cells * sigma_cells)
                     if d2 <= 4.0:
                         field[r, c] = max(field[r, c], np.uint8(FULL * np.exp(-0.5 * d2)))
-    return field
 
 
 @njit(cache=True)
@@ -146,10 +160,19 @@ def _open_cells(
 ) -> NDArray[np.bool_]:
     """(rows, columns) where a robot can be: where the grid has a free cell, and where one was, `places` (n, 2) m."""
     cells = np.zeros(shape, np.bool_)
-    rows, columns = np.nonzero(grid.evidence <= FREE)
-    free = np.array(grid.origin_xy_m) + grid.resolution_m * (np.column_stack([columns, rows]) + 0.5)
-    _mark(cells, np.concatenate([free, places]), origin, cell_m)
+    corner = (np.array(grid.origin_xy_m) + 0.5 * grid.resolution_m - origin) / cell_m
+    _mark_free(cells, grid.evidence, corner, grid.resolution_m / cell_m)
+    _mark(cells, places, origin, cell_m)
     return cells
+
+
+@njit(cache=True)
+def _mark_free(cells: NDArray[np.bool_], evidence: NDArray[np.int8], corner: Floats, step: float) -> None:
+    """Set the cells with the middle of a free cell of the grid, whose first one is at `corner`, in cells."""
+    for r in range(evidence.shape[0]):
+        for c in range(evidence.shape[1]):
+            if evidence[r, c] <= FREE:
+                cells[int(corner[0] + c * step), int(corner[1] + r * step)] = True
 
 
 def _halved(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
