@@ -1,0 +1,149 @@
+"""Where WiFi and wheels put the robot in a known map, or that it is not in it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfi.backend.pose2 import Floats, Pose2, adjoint
+from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
+from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
+from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, fit_scan
+from wayfi.frontends.localization.wifi.particles import Particles
+from wayfi.frontends.localization.wifi.radio_places import RadioPlaces, radio_places
+from wayfi.frontends.localization.wifi.receiver_offsets import ReceiverOffsets
+from wayfi.frontends.localization.wifi.seeds import draw_seeds
+from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.wifi.readings import Readings
+
+__all__ = ["Disagreement", "PlaceBelief", "WifiBelief"]
+
+SURE_APART = 2.0  # sigmas of a place beyond which a pose is elsewhere
+
+
+class Disagreement(NamedTuple):
+    """WiFi puts the robot `metres` from a pose, and the chance that it is indeed elsewhere is `certainty` (0 to 1)."""
+
+    metres: float
+    certainty: float
+
+
+class WifiBelief:
+    """A belief over the robot's pose in a map, from WiFi scans and the wheels' steps in the order they came.
+
+    Monte Carlo localisation (Fox et al., 1999). At each scan some particles begin anew where it fits, with the share of
+    the weight that the chance `elsewhere` and their likelihood give them, so that a robot that was moved is found.
+    """
+
+    def __init__(self, building: BuildingMap, config: WifiBeliefConfig) -> None:
+        self._config = config
+        self._map = radio_places(building, config.likelihood)
+        self._offsets = ReceiverOffsets(building.calibration.receivers, config.likelihood)
+        self._particles = Particles(config.particles)
+        self._step, self._covariance = Pose2(), np.zeros((3, 3))
+        self._moved_m = np.inf  # of path since the evidence that was used
+        self._sown = 0
+
+    def move(self, step: Pose2, covariance: Floats) -> None:
+        """Move on by the wheels' `step`, with its (3, 3) covariance in the axes of base_link before it."""
+        if not (step.is_finite() and np.isfinite(covariance).all()):
+            return
+        rotation = adjoint(Pose2(0.0, 0.0, self._step.theta))
+        d = rotation @ step.array()
+        lever = np.array([[1.0, 0.0, -d[1]], [0.0, 1.0, d[0]], [0.0, 0.0, 1.0]])
+        self._covariance = lever @ self._covariance @ lever.T + rotation @ covariance @ rotation.T
+        self._step = self._step @ step
+        self._moved_m += float(np.hypot(step.x, step.y))
+
+    def add(self, receiver: str, readings: Readings) -> None:
+        """Use a scan, or the mean of some, that `receiver` heard where the robot is now."""
+        if self._map is None or not readings.bssids:
+            return
+        self._catch_up()
+        config, offset = self._config, self._offsets.of(receiver)
+        fit = fit_scan(self._map, readings, offset.offset_db, offset.sigma_db, config.likelihood)
+        evidence = self._evidence(fit.known)
+        self._particles.draw(config.particles - config.seeds, config.roughening_m, config.roughening_rad)
+        self._sow(self._map, fit, evidence)
+        self._weigh(self._map, fit, evidence)
+        self._offsets.learn(receiver, *self._offset(self._map, fit))
+
+    def places(self, most: int) -> list[PlaceBelief]:
+        """The `most` heaviest places, the heaviest first; their weights lack to 1 what is not in this map."""
+        self._catch_up()
+        p, config = self._particles, self._config
+        return places_of(p.poses, p.floor, p.weights, most, config.near_m, config.sigma_floor_m)
+
+    def disagreement(self, T_map_base: Pose2, floor: int = 0) -> Disagreement:
+        """By how many metres, and how surely, WiFi puts the robot elsewhere than at a pose."""
+        places = self.places(8)
+        elsewhere = [p for p in places if p.floor != floor or self._is_apart(p, T_map_base)]
+        if not elsewhere:
+            return Disagreement(0.0, 0.0)
+        return Disagreement(places[0].T_map_base.distance(T_map_base), min(sum(p.weight for p in elsewhere), 1.0))
+
+    def _is_apart(self, place: PlaceBelief, T_map_base: Pose2) -> bool:
+        return place.T_map_base.distance(T_map_base) > self._config.near_m + SURE_APART * place.sigma_m
+
+    def _catch_up(self) -> None:
+        """Move the particles by what the wheels have driven since."""
+        if self._covariance.any() or self._step != Pose2():
+            self._particles.move(self._step, self._covariance)
+            self._step, self._covariance = Pose2(), np.zeros((3, 3))
+
+    def _evidence(self, known: int) -> float:
+        """The share of its log ratio that a scan counts, which heard so many access points of the map."""
+        config = self._config.likelihood
+        new = min(self._moved_m / config.independent_m, 1.0)
+        self._moved_m = 0.0
+        return max(new, config.standing) / (1.0 + known / config.independent_aps)
+
+    def _sow(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
+        """Begin some particles anew where the scan fits, before it is weighed.
+
+        The seeds are drawn by their likelihood, and weigh what they would if all poses had been drawn evenly.
+        """
+        p, config = self._particles, self._config
+        begins = not p.weights.any()
+        share = 1.0 - config.begins_outside if begins else config.elsewhere
+        count = len(p.weights) if begins else config.seeds
+        drawn = draw_seeds(places, fit, evidence, count, self._sown, config)
+        if drawn is None:
+            return
+        self._sown += count
+        p.leave(config.outside)
+        p.sow(drawn.poses, drawn.floor, drawn.weights, share)
+
+    def _weigh(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
+        p = self._particles
+        nearest, distance_m = places.nearest(p.poses[:, :2], p.floor)
+        p.weigh(evidence * _log_ratios(places, fit, nearest, distance_m))
+
+    def _offset(self, places: RadioPlaces, fit: ScanFit) -> tuple[float, float]:
+        """The receiver's offset by the scan, over the places where the robot may be, and the readings behind it."""
+        p = self._particles
+        nearest, _ = places.nearest(p.poses[:, :2], p.floor)
+        row = _rows(places, fit)[nearest]
+        weights = np.where(row >= 0, p.weights, 0.0)
+        total = float(weights.sum())
+        if total <= 0.0:
+            return 0.0, 0.0
+        mean = float(weights @ fit.offset_db[row] / total)
+        return mean, total * float(weights @ fit.common[row] / total)
+
+
+def _rows(places: RadioPlaces, fit: ScanFit) -> NDArray[np.int64]:
+    """(places,) the row of `fit` of each place, -1 of one that was not examined."""
+    rows = np.full(len(places), -1, np.int64)
+    rows[fit.places] = np.arange(len(fit.places))
+    return rows
+
+
+def _log_ratios(places: RadioPlaces, fit: ScanFit, nearest: NDArray[np.int64], distance_m: Floats) -> Floats:
+    """(n,) log ratio of particles at `distance_m` (n,) from their `nearest` places (n,)."""
+    unexamined = np.minimum(fit.log_ratio.min(axis=0, initial=0.0), 0.0)
+    table = np.vstack([fit.log_ratio, unexamined])
+    row = _rows(places, fit)[nearest]
+    k = np.clip(np.searchsorted(AWAY_M, distance_m, side="right") - 1, 0, len(AWAY_M) - 2)
+    share = np.clip((distance_m - AWAY_M[k]) / (AWAY_M[k + 1] - AWAY_M[k]), 0.0, 1.0)
+    return np.asarray((1.0 - share) * table[row, k] + share * table[row, k + 1])
