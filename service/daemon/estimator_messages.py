@@ -11,17 +11,20 @@ from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.drive.counters import Drops
+from wayfi.service.drive.known_map import MapReference
+from wayfi.service.drive.mode import Mode
 from wayfi.service.transport.message_queue import MessageQueue, Received
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The first message: the settings, the run's folder, and whether to resume the drive that is in it."""
+    """The first message: the settings, the run's folder, whether to resume the drive that is in it, and its map."""
 
     config: Config
     calibration: Calibration | None
     folder: Path
     resumes: bool
+    map: MapReference | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +35,24 @@ class Compiling:
 
 
 @dataclass(frozen=True, slots=True)
+class Refused:
+    """The drive cannot begin, and would not if it were started again: why, in one line."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """The estimation can be fed from now on. The drive is `whole` where all that it was fed so far was recovered.
 
-    `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the messages after that.
+    `mode` is what it does. `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the
+    messages after that.
     """
 
     checkpoint: int
     since: int
     whole: bool
+    mode: Mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,4 +99,4 @@ class Update:
 
 Request = Save | Finish
 Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
-Report = Compiling | Ready | Update | Saved | Written
+Report = Compiling | Refused | Ready | Update | Saved | Written

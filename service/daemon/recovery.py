@@ -14,6 +14,7 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecordError, parse_control_record
+from wayfi.service.drive.known_map import KnownMap
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.replay.replayers import BlackBoxReplayer
 
@@ -27,15 +28,20 @@ class Recovered:
     whole: bool
 
 
-def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> Recovered:
-    """The drive in `folder` as of the last message of its black box; it logs to `log` from then on."""
+def recover(
+    folder: Path, config: Config, calibration: Calibration | None, log: Log, known: KnownMap | None = None
+) -> Recovered:
+    """The drive in `folder`, in the map `known` if it began in one, as of the last message of its black box.
+
+    It logs to `log` from then on.
+    """
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
     whole = records is not None or begins_at_first(folder, BLACKBOX)
     if checkpoint is None or records is None:
-        live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
+        live, records = LiveDrive(config, calibration, NullLog(), known), _records(parts_of(folder, BLACKBOX))
     else:
-        live = LiveDrive.restored(checkpoint.drive, NullLog())
+        live = LiveDrive.restored(checkpoint.drive, NullLog(), known)
     replayer = BlackBoxReplayer(live)
     replayed = 0
     for record in records:

@@ -3,18 +3,21 @@
 import pickle
 import traceback
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
-from wayfi.recordings.log import Log
+from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.map.saving import MapSaver
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.known_map import KnownMap
+from wayfi.service.drive.map_pickling import MapPickling
+from wayfi.service.drive.mode import Mode
 
 
 class LiveDrive:
@@ -24,10 +27,16 @@ class LiveDrive:
     number of its newest checkpoint; both are 0 before the first.
     """
 
-    def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
-        self.drive = Drive(config, calibration, log)
+    def __init__(
+        self, config: Config, calibration: Calibration | None, log: Log, known: KnownMap | None = None
+    ) -> None:
+        building, extends = (known.building, known.mode is Mode.MAPPING) if known else (None, False)
+        self.drive = Drive(config, calibration, log, building, extends)
+        self.drive.former = known.name if known else None
+        self._begins_map = known is None
+        self._pickling = MapPickling(building)
         self._wheels = calibration.wheels if calibration else None
-        self._live = LivePose(config.odometry, self._wheels)
+        self._live = self._new_live_pose()
         self._estimates: dict[int, Estimate] = {}
         self.newest = 0
         self.checkpoints = 0
@@ -61,18 +70,31 @@ class LiveDrive:
             self._estimates[estimate.serial] = pickle.loads(pickle.dumps(estimate))
         return estimate
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what names the objects of the map."""
+        return {name: value for name, value in vars(self).items() if name != "_pickling"}
+
     @classmethod
-    def restored(cls, data: bytes, log: Log) -> Self:
-        """The drive that `checkpoint` made these bytes of; it logs to `log`."""
-        live: Self = pickle.loads(data)
+    def restored(cls, data: bytes, log: Log, known: KnownMap | None = None) -> Self:
+        """The drive that `checkpoint` made these bytes of, in the same map; it logs to `log`."""
+        return cls._unpickled(data, log, MapPickling(known.building if known else None))
+
+    @classmethod
+    def _unpickled(cls, data: bytes, log: Log, pickling: MapPickling) -> Self:
+        live: Self = pickling.loads(data)
+        live._pickling = pickling
         live.drive.log = log
         return live
+
+    def copy(self) -> Self:
+        """A drive that goes on as this one does; it logs nothing."""
+        return self._unpickled(self._pickling.dumps(self), NullLog(), self._pickling)
 
     def checkpoint(self, number: int) -> bytes:
         """The pickled drive. This object becomes the unpickled copy, so that a resumed drive gives exactly the same."""
         self.checkpoints = number
-        data = pickle.dumps(self, protocol=pickle.HIGHEST_PROTOCOL)
-        vars(self).update(vars(self.restored(data, self.drive.log)))
+        data = self._pickling.dumps(self)
+        vars(self).update(vars(self._unpickled(data, self.drive.log, self._pickling)))
         return data
 
     def apply(self, record: ControlRecord) -> list[Event]:
@@ -82,9 +104,14 @@ class LiveDrive:
                 self.checkpoint(record.number)
             case ControlKind.ADOPT:
                 self._adopt(record.number)
+            case ControlKind.MODE:
+                return self.drive.switch(Mode(record.text))
             case ControlKind.AWAY:
                 return self._resume(record.number * 1e-3)
         return []
+
+    def _new_live_pose(self) -> LivePose:
+        return LivePose(self.drive.config.odometry, self._wheels, begins_map=self._begins_map)
 
     def _adopt(self, serial: int) -> None:
         """Base the live pose on the estimate of this number, or on the newest before where messages are missing."""
@@ -97,5 +124,5 @@ class LiveDrive:
     def _resume(self, seconds: float) -> list[Event]:
         """Resume after so many seconds without messages, with a live pose without any estimate."""
         self._estimates.clear()
-        self._live = LivePose(self.drive.config.odometry, self._wheels)
+        self._live = self._new_live_pose()
         return self.drive.pipeline.resume(seconds)
