@@ -40,6 +40,15 @@ def write_results(
     directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
+    with drive.timer("files"):
+        save_map(directory / "map", estimate.building, drive.config.map)
+    return write_results_in_map(directory, drive, estimate, source, extra)
+
+
+def write_results_in_map(
+    directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write every file but the saved map, as of a drive in a map that stays as it was; returns as `write_results`."""
     building = estimate.building
     with drive.timer("files"):
         _write_estimate(directory, estimate)
@@ -48,7 +57,6 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
-        save_map(directory / "map", building, drive.config.map)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
