@@ -18,7 +18,7 @@ def why_not_confirmed(
 ) -> Health | None:
     """Why the best hypothesis is not claimed; None if it is confirmed.
 
-    `complete` tells that no place where the robot may be has been left out.
+    `complete` tells that no place where the robot may be was left out by the last search.
     """
 
     def no(category: FailureCategory, text: str) -> Health:
@@ -34,7 +34,7 @@ def why_not_confirmed(
     close = sum(score(best, wifi) - score(rival, wifi) < config.min_gain for rival in rivals)
     if close:
         return no(FailureCategory.AMBIGUOUS, f"{close + 1} places of the map look alike so far")
-    if not complete:
+    if not complete and best.proposed < config.searches:
         return no(FailureCategory.AMBIGUOUS, "too many places of the map look alike so far")
     return None
 

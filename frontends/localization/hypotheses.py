@@ -1,12 +1,13 @@
 """Where the robot may be: a hypothesis with its pose, its covariance, and the evidence for and against it."""
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.localization.local_track import LocalTrack, moved_covariance
+from wayfi.frontends.localization.local_track import KEPT, LocalTrack, moved_covariance
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.map_matching import Agreement, Fix
 
@@ -17,7 +18,7 @@ SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 class Hypothesis:
     """The robot is at `T_map_base` at the local `keyframe`, with (3, 3) covariance in `map`.
 
-    `evidence` (nats) sums what its `fixes` lack of a perfect fit. `agreed` fixes in a row agree, over `agreed_m` of
+    `evidence` (nats) sums what its fixes lack of a perfect fit. `proposed` searches found it. `agreed` fixes in a row agree, over `agreed_m` of
     path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the map. Only fixes at other
     places than the one before count.
     """
@@ -26,18 +27,23 @@ class Hypothesis:
     covariance: Floats
     keyframe: int
     evidence: float = 0.0
-    fixes: int = 0
+    proposed: int = 1
     agreed: int = 0
     agreed_from_m: float = 0.0
     agreed_to_m: float = 0.0
     unsure: int = 0
     contradicted: int = 0
     _counted_at: Pose2 | None = None
+    _history: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
 
     @property
     def agreed_m(self) -> float:
         """The path (m) along which the last fixes agreed."""
         return self.agreed_to_m - self.agreed_from_m if self.agreed else 0.0
+
+    def evidence_at(self, keyframe: int) -> float | None:
+        """The evidence (nats) up to an earlier keyframe; None where it is not known any more."""
+        return next((evidence for k, evidence in reversed(self._history) if k <= keyframe), None)
 
     def is_new_place(self, config: ClaimConfig) -> bool:
         """Whether a fix here is independent of the last one that counted."""
@@ -53,6 +59,7 @@ class Hypothesis:
         step = track.step_to(self.keyframe + 1)
         self.covariance = moved_covariance(self.covariance, self.T_map_base, step.pose, step.covariance)
         self.T_map_base = self.T_map_base @ step.pose
+        self._history.append((self.keyframe, self.evidence))
         self.keyframe += 1
 
     def doubt(self) -> None:
@@ -69,7 +76,6 @@ class Hypothesis:
             self._count(fix, path_m, config)
 
     def _count(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
-        self.fixes += 1
         self.evidence += config.evidence_per_fit * (fix.quality - 1.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m

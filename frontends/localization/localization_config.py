@@ -62,6 +62,7 @@ class ClaimConfig:
     path_m: float = option(1.2, "m", "of path along which they agree")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
+    searches: int = option(4, "", "that find the place, where each has left out places that look as much alike")
     max_sigma_m: float = option(0.3, "m", "of the position: between walls that leave it open it is not found yet")
     max_sigma_rad: float = option(0.05, "rad", "as above")
     most_below_best: float = option(4.0, "nats", "that WiFi may put a place below its best one: more contradicts")

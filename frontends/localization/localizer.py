@@ -99,10 +99,14 @@ class Localizer:
             if other.keyframe >= track.first:
                 T = proposed.T_map_base @ track.between(proposed.keyframe, other.keyframe)
                 if is_same(T, other.T_map_base):
+                    other.proposed += 1
                     return
         back = track.back(config.reach_m)
         T = proposed.T_map_base @ track.between(proposed.keyframe, back)
-        self._hypotheses.append(Hypothesis(T, diagonal_covariance(config.sigma_m, config.sigma_rad), back))
+        # its way up to there is taken to have fitted as well as that of any other
+        before = [e for h in self._hypotheses if (e := h.evidence_at(back)) is not None]
+        covariance = diagonal_covariance(config.sigma_m, config.sigma_rad)
+        self._hypotheses.append(Hypothesis(T, covariance, back, max(before, default=0.0)))
 
     def _drop(self) -> None:
         """Drop the hypotheses that the laser contradicts, that are far worse than the best, or another one by now."""
