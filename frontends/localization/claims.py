@@ -29,7 +29,7 @@ def why_not_confirmed(
         return no(FailureCategory.NOT_FOUND_YET, f"{best.agreed} scans in a row agree on a place; {needed}")
     if not best.is_sharp(config):
         return no(FailureCategory.POSE_IMPRECISE, "the walls leave the place open along them")
-    if wifi.nats(best.T_map_base) < -config.wifi_below:
+    if wifi.nats(best.T_map_base) < -config.most_below_best:
         return no(FailureCategory.WIFI_ELSEWHERE, "WiFi names another place than the laser")
     close = sum(score(best, wifi) - score(rival, wifi) < config.min_gain for rival in rivals)
     if close:

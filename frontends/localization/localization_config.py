@@ -65,7 +65,7 @@ class ClaimConfig:
     searches: int = option(4, "", "that find the place, where each has left out places that look as much alike")
     max_sigma_m: float = option(0.3, "m", "of the position: between walls that leave it open it is not found yet")
     max_sigma_rad: float = option(0.05, "rad", "as above")
-    wifi_below: float = option(4.0, "nats", "of WiFi: less likely than its best place by more, it contradicts")
+    most_below_best: float = option(4.0, "nats", "that WiFi may put a place below its best one: more contradicts")
     drop_gain: float = option(12.0, "nats", "by which a hypothesis is worse than the best one and is dropped")
     drop_fixes: int = option(3, "", "in a row that contradict the map: the hypothesis is dropped")
     unsure_fixes: int = option(4, "", "in a row that do not agree: UNCERTAIN")
@@ -73,7 +73,7 @@ class ClaimConfig:
     agreeing: int = option(3, "", "in a row that agree again: TRACKING")
     wifi_scans: int = option(3, "", "of WiFi in a row that name a place elsewhere: LOST")
     wifi_apart_m: float = option(6.0, "m", "between that place and the pose")
-    elsewhere_below: float = option(8.0, "nats", "of WiFi: the pose is so much less likely than its best place")
+    wifi_below_best: float = option(8.0, "nats", "that WiFi puts the pose below its best place")
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ class Localizer:
         if self.claimed is None:
             return
         config, T = self._config.claim, self.claimed.T_map_base
-        apart = self._wifi.nats(T) < -config.elsewhere_below and self._wifi.metres(T) > config.wifi_apart_m
+        apart = self._wifi.nats(T) < -config.wifi_below_best and self._wifi.metres(T) > config.wifi_apart_m
         self._elsewhere = self._elsewhere + 1 if apart else 0
         self._judge_claim()
 
