@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,10 @@ class MapPlaces:
         self._poses = np.asarray(building.poses[usable], np.float64).reshape(-1, 3)
         self._middles = np.array(_spread(self._poses, config.apart_m, 0.0, len(usable)), np.intp)
         self._kept: OrderedDict[int, Place] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what can be made again."""
+        return vars(self) | {"_kept": OrderedDict()}
 
     def __len__(self) -> int:
         return len(self._middles)

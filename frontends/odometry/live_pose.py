@@ -52,7 +52,8 @@ class Anchor:
 class Estimate:
     """The state of the estimation after a message: the `odometry` accepted so far, and the `anchor`.
 
-    A live pose extrapolates from it. `anchor` is None while the laser leads, since no odometry extrapolates then.
+    A live pose extrapolates from it. `anchor` is None while no pose is claimed, and while the laser leads, since no
+    odometry extrapolates then.
     `serial` counts a drive's estimates from 1.
     """
 
@@ -81,23 +82,27 @@ class EstimateSchedule:
 class LivePose:
     """Gives a pose for each odometry message at once, by the newest estimate, which may be some messages old.
 
-    It reads no clock: the same calls in the same order give the same poses.
+    It reads no clock: the same calls in the same order give the same poses. Only a drive that `begins_map` has a pose
+    before the first estimate: the origin.
     """
 
-    def __init__(self, config: OdometryConfig, calibration: WheelCalibration | None = None) -> None:
+    def __init__(
+        self, config: OdometryConfig, calibration: WheelCalibration | None = None, begins_map: bool = True
+    ) -> None:
         self._config = config
         self._calibration = (calibration or calibration_prior(config)).values
+        self._begins_map = begins_map
         self._since: deque[Odometry] = deque()
         self._estimate = Estimate(0, AcceptedOdometry(config), None)
 
     def add(self, m: Odometry) -> PosePublished | None:
-        """The pose for the next message; None where the message is dropped, or the laser leads."""
+        """The pose for the next message; None where it is dropped, no pose is claimed, or the laser leads."""
         self._since.append(m)
         accepted = self._estimate.odometry.accept(m)
         point = accepted.point
         if point is None:
             return None
-        if self._estimate.serial == 0 and self._estimate.anchor is None:
+        if self._begins_map and self._estimate.serial == 0 and self._estimate.anchor is None:
             self._begin(point)
         anchor = self._estimate.anchor
         return anchor.pose_at(point, accepted.T_odom_base, self._config) if anchor else None
@@ -105,7 +110,7 @@ class LivePose:
     def adopt(self, estimate: Estimate) -> list[PosePublished]:
         """Go on from `estimate`, of which this object becomes the owner, and accept again what came after it.
 
-        Returns poses for the messages after it where there were none before, since the laser led.
+        Returns poses for the messages after it where there were none before.
         """
         stood_in = self._estimate.anchor is None
         newer = max(0, self._estimate.odometry.received - estimate.odometry.received)

@@ -25,6 +25,7 @@ VERDICT: dict[Verdict, Color] = {
     Verdict.REMOVED: (190, 90, 255),
 }
 STATE: dict[State, Color] = {
+    State.RELOCALISING: (200, 140, 255),
     State.TRACKING: (70, 215, 110),
     State.UNCERTAIN: (255, 165, 40),
     State.LOST: (255, 70, 70),

@@ -16,27 +16,33 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC, CONTROL_TYPE
 from wayfi.service.blackbox.disk import MIB
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive.control_records import ControlRecord
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.transport.message_queue import Received
 
 CONFIG = "config.toml"
 CALIBRATION = "calibration.toml"
+MAP = "map.json"
 FLUSH_S = 0.5  # half of the second that a killed process may lose; the other half is for a long step
 
 
 class BlackBox(Closing):
-    """Writes `folder`/blackbox_0001.mcap, 0002, ..., each with the configuration and the calibration in it.
+    """Writes `folder`/blackbox_0001.mcap, 0002, ..., each with configuration, calibration and map reference.
 
     A message's log time is when it was received, on a wall clock without jumps. A method that raises OSError or
     RecordingError has not recorded.
     """
 
-    def __init__(self, folder: Path, config: Config, calibration: Calibration | None) -> None:
+    def __init__(
+        self, folder: Path, config: Config, calibration: Calibration | None, known: MapReference | None = None
+    ) -> None:
         self._folder = folder
         self._limits = config.recording
         self._wall_ahead_s = time.time() - time.monotonic()
         self._attached = {CONFIG: config_toml(config)}
         if calibration is not None:
             self._attached[CALIBRATION] = calibration_toml(calibration)
+        if known is not None:
+            self._attached[MAP] = known.to_json()
         self._begin()
 
     def write(self, item: Received | ControlRecord) -> None:
@@ -81,7 +87,7 @@ class BlackBox(Closing):
     def _begin(self) -> None:
         self._writer = McapWriter(next_part(self._folder, BLACKBOX), BLACKBOX_PROFILE)
         for name, text in self._attached.items():
-            self._writer.attach(name, text.encode(), "application/toml")
+            self._writer.attach(name, text.encode(), f"application/{name.rpartition('.')[2]}")
         self._begun_s = time.monotonic()
         self.flush()
 

@@ -13,6 +13,7 @@ from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
+from wayfi.service.drive.known_map import MapReference
 
 RUNNING = "running"  # a file in the folder of a run that has not been stopped: the settings of its drive
 IDLE_S = 0.1
@@ -42,7 +43,9 @@ class RunFolder:
         os.close(self.lock)
 
 
-def open_run_folder(config: Config, calibration: Calibration | None, fresh: bool) -> RunFolder:
+def open_run_folder(
+    config: Config, calibration: Calibration | None, fresh: bool, known: MapReference | None = None
+) -> RunFolder:
     """The newest run's folder if that was not stopped cleanly and has these settings; else, or if `fresh`, a new one.
 
     Raises RunFolderError.
@@ -50,7 +53,7 @@ def open_run_folder(config: Config, calibration: Calibration | None, fresh: bool
     directory = Path(config.recording.directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        settings = _settings(config, calibration)
+        settings = _settings(config, calibration, known)
         found = None if fresh else _unfinished(directory, settings)
         return found or _new(directory, settings)
     except FileExistsError:
@@ -88,12 +91,14 @@ def _new(directory: Path, settings: str) -> RunFolder:
         return RunFolder(folder, None, lock)
 
 
-def _settings(config: Config, calibration: Calibration | None) -> str:
-    """All settings that a drive depends on, as text."""
+def _settings(config: Config, calibration: Calibration | None, known: MapReference | None) -> str:
+    """All settings that a drive depends on, and its map, as text."""
     plain = Config()
     settings = config_toml(replace(config, zenoh=plain.zenoh, rerun=plain.rerun, recording=plain.recording))
     topics = "\n".join(name for names in config.recording.every_topic.values() for name in names)
-    return settings + topics + (calibration_toml(calibration) if calibration else "")
+    return (
+        settings + topics + (calibration_toml(calibration) if calibration else "") + (known.to_json() if known else "")
+    )
 
 
 def _lock(folder: Path) -> int | None:

@@ -1,5 +1,6 @@
 """The command that runs the daemon."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -20,6 +21,9 @@ def run(
     config: Files = None,
     settings: Settings = None,
     calibration: CalibrationFile = None,
+    map_path: Annotated[
+        Path | None, typer.Option("--map", help="Localise in this saved map: its folder, or results with one.")
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin a new run, even where one was cut off.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -27,7 +31,10 @@ def run(
     """Run the daemon: Zenoh in, Zenoh out, black box, live Rerun; SIGINT and SIGTERM end it."""
     with command_output(quiet, as_json) as output:
         from wayfi.service.daemon.run import run_daemon
+        from wayfi.service.drive.known_map import MapReference
 
-        code = run_daemon(configuration(config, settings), calibration_of(calibration), fresh, quiet)
+        configured, prior = configuration(config, settings), calibration_of(calibration)
+        known = MapReference.of(map_path) if map_path else None
+        code = run_daemon(configured, prior, fresh, quiet, known)
         output.result({"exit_code": code})
     raise typer.Exit(code)

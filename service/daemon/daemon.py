@@ -11,6 +11,7 @@ from wayfi.service.config import Config
 from wayfi.service.daemon.daemon_state import DaemonState
 from wayfi.service.daemon.estimator_messages import Finish
 from wayfi.service.daemon.main_loop import DaemonError, MainLoop
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.service_manager import ServiceManager
 from wayfi.service.process.stop_signal import StopSignal
@@ -33,6 +34,7 @@ class Daemon:
         session: zenoh.Session,
         log: LogLines,
         stop: StopSignal,
+        known: MapReference | None = None,
     ) -> None:
         self._config = config
         self._calibration = calibration
@@ -40,6 +42,7 @@ class Daemon:
         self._session = session
         self._log = log
         self._stop = stop
+        self._known = known
         self._manager = ServiceManager()
 
     def run(self) -> None:
@@ -50,7 +53,7 @@ class Daemon:
         """
         with ExitStack() as opened:
             self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh, self._config.frames))
-            loop = MainLoop(self._config, self._calibration, self._folder, self._publishers, self._log)
+            loop = MainLoop(self._config, self._calibration, self._folder, self._publishers, self._log, self._known)
             self._loop = opened.enter_context(loop)
             with ExitStack() as subscribed:
                 self._serve(subscribed)

@@ -15,7 +15,7 @@ from wayfi.service.drive.timing import StageCost
 from wayfi.service.transport.message_queue import MessageQueue, Received
 from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
 
-LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.LOST: ERROR}
+LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.RELOCALISING: WARN, State.LOST: ERROR}
 RECENT_POSES = 1000
 PERIOD_S = 1.0
 

@@ -5,7 +5,6 @@ It is fed what the black box holds, in that order, and reports what is new. It e
 
 import ctypes
 import os
-import pickle
 import signal
 import sys
 import time
@@ -21,7 +20,17 @@ from wayfi.recordings.files.result_folder import MAP
 from wayfi.recordings.map.saving import MapSaver, name_of_map
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
-from wayfi.service.daemon.estimator_messages import Compiling, Finish, Ready, Save, Saved, Start, Update, Written
+from wayfi.service.daemon.estimator_messages import (
+    Compiling,
+    Finish,
+    Ready,
+    Refused,
+    Save,
+    Saved,
+    Start,
+    Update,
+    Written,
+)
 from wayfi.service.daemon.live_log import LiveLog
 from wayfi.service.daemon.recovery import recover
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
@@ -43,7 +52,7 @@ REPORTED = (StateChanged, Warned)
 class Estimator:
     """Processes what it receives from `incoming` until Finish, and reports to `outgoing`.
 
-    Raises EOFError or BrokenPipeError where the daemon has ended.
+    Raises EOFError or BrokenPipeError where the daemon has ended, MapError where the map to localise in is missing.
     """
 
     def __init__(self, incoming: Connection, outgoing: Connection) -> None:
@@ -61,6 +70,7 @@ class Estimator:
     def run(self) -> None:
         """Process everything up to the end of the drive."""
         self._outgoing.send(self._ready)
+        self._publish_known_map()
         while True:
             match self._incoming.recv():
                 case Received() as message:
@@ -77,12 +87,20 @@ class Estimator:
                     return
 
     def _begin(self, start: Start) -> tuple[LiveDrive, Ready]:
+        known = start.map.load() if start.map else None
         if start.resumes:
-            found = recover(start.folder, start.config, start.calibration, self._log)
+            found = recover(start.folder, start.config, start.calibration, self._log, known)
             return found.live, Ready(found.live.checkpoints, found.replayed, found.whole)
         with watch_compilation(self._report_compiling):
             warm_up()
-        return LiveDrive(start.config, start.calibration, self._log), Ready(0, 0, whole=True)
+        return LiveDrive(start.config, start.calibration, self._log, known), Ready(0, 0, whole=True)
+
+    def _publish_known_map(self) -> None:
+        """Publish the map that the drive localises in, if it does: others need it before the robot is found."""
+        drawn = self._live.drive.history() if self._live.drive.localises else []
+        for event in drawn:
+            if isinstance(event, GridRedrawn):
+                self._outgoing.send(Update(map_cdr=map_message(event, self._config.map, self._config.frames.map)))
 
     def _report_compiling(self, number: int, total: int) -> None:
         if number == 1:
@@ -142,8 +160,7 @@ class Estimator:
 
     def _save(self) -> Saved:
         """Write the results of a copy of the drive; the drive itself goes on."""
-        copy: LiveDrive = pickle.loads(pickle.dumps(self._live))
-        return Saved(self._write_results(copy, {}, {}))
+        return Saved(self._write_results(self._live.copy(), {}, {}))
 
     def _finish(self, finish: Finish) -> Written:
         return self._write_results(self._live, finish.dropped, finish.report)
@@ -173,11 +190,14 @@ def main() -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     os.nice(NICENESS)
-    incoming, outgoing = (int(word) for word in sys.argv[1:3])
+    numbers = (int(word) for word in sys.argv[1:3])
+    incoming, outgoing = Connection(next(numbers), writable=False), Connection(next(numbers), readable=False)
     try:
-        estimator = Estimator(Connection(incoming, writable=False), Connection(outgoing, readable=False))
+        estimator = Estimator(incoming, outgoing)
         with loaded_objects_left_alone():
             estimator.run()
+    except MapError as error:
+        outgoing.send(Refused(str(error)))
     except (EOFError, BrokenPipeError):
         os._exit(1)
 

@@ -11,17 +11,19 @@ from wayfi.frontends.odometry.live_pose import Estimate
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.drive.counters import Drops
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.transport.message_queue import MessageQueue, Received
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The first message: the settings, the run's folder, and whether to resume the drive that is in it."""
+    """The first message: the settings, the run's folder, whether to resume the drive that is in it, and its map."""
 
     config: Config
     calibration: Calibration | None
     folder: Path
     resumes: bool
+    map: MapReference | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,13 @@ class Compiling:
     """The estimation compiles `functions` first, which were not compiled on this machine before."""
 
     functions: int
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """The drive cannot begin, and would not if it were started again: why, in one line."""
+
+    why: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,4 +96,4 @@ class Update:
 
 Request = Save | Finish
 Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
-Report = Compiling | Ready | Update | Saved | Written
+Report = Compiling | Refused | Ready | Update | Saved | Written

@@ -20,8 +20,14 @@ class LivePublisher:
     """Publishes poses in the order of their stamps: one that is not newer than the last is left out."""
 
     def __init__(
-        self, config: Config, calibration: Calibration | None, publishers: Publishers, diagnostics: Diagnostics
+        self,
+        config: Config,
+        calibration: Calibration | None,
+        publishers: Publishers,
+        diagnostics: Diagnostics,
+        begins_map: bool = True,
     ) -> None:
+        self._begins_map = begins_map
         self._config = config.odometry
         self._wheels = calibration.wheels if calibration else None
         self._publishers = publishers
@@ -31,7 +37,7 @@ class LivePublisher:
 
     def reset(self) -> None:
         """Start from a live pose without any estimate."""
-        self._live = LivePose(self._config, self._wheels)
+        self._live = LivePose(self._config, self._wheels, self._begins_map)
         self._newest: Estimate | None = None
         self._adopt_from_s = 0.0
 
@@ -65,10 +71,11 @@ class LivePublisher:
     def adopt(self) -> int | None:
         """Base poses on the newest estimate and return its number; None where there is no newer one yet.
 
-        After an adoption the next waits for `ADOPTION_PAUSE` times its duration, in which messages are handled.
+        After an adoption the next waits for `ADOPTION_PAUSE` times its duration, in which messages are handled. One
+        that gives the pose up does not wait.
         """
         estimate, now_s = self._newest, time.monotonic()
-        if estimate is None or now_s < self._adopt_from_s:
+        if estimate is None or (estimate.anchor is not None and now_s < self._adopt_from_s):
             return None
         self._newest = None
         for pose in self._live.adopt(estimate):

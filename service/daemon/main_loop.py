@@ -14,11 +14,22 @@ from wayfi.service.config import Config
 from wayfi.service.daemon.command_handler import CommandHandler
 from wayfi.service.daemon.daemon_state import DaemonState, StateMachine
 from wayfi.service.daemon.diagnostics import Diagnostics
-from wayfi.service.daemon.estimator_messages import Backlog, Compiling, Ready, Report, Saved, Start, Update, Written
+from wayfi.service.daemon.estimator_messages import (
+    Backlog,
+    Compiling,
+    Ready,
+    Refused,
+    Report,
+    Saved,
+    Start,
+    Update,
+    Written,
+)
 from wayfi.service.daemon.live_publisher import LivePublisher
 from wayfi.service.daemon.status_reporter import StatusReporter
 from wayfi.service.daemon.supervisor import Supervisor
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.message_queue import MessageQueue, QueueDrop, Received, limits_of
 from wayfi.service.transport.publishers import Publishers
@@ -43,6 +54,7 @@ class MainLoop(Closing):
         folder: RunFolder,
         publishers: Publishers,
         log: LogLines,
+        known: MapReference | None = None,
     ) -> None:
         limits = limits_of(config.zenoh, config.recording.every_topic)
         self._folder = folder
@@ -55,12 +67,12 @@ class MainLoop(Closing):
         self.backlog = Backlog(limits)
         self.diagnostics = Diagnostics(self.inbox, self.backlog)
         self.handler = CommandHandler(folder, self.backlog, self.machine, log)
-        self._live = LivePublisher(config, calibration, publishers, self.diagnostics)
+        self._live = LivePublisher(config, calibration, publishers, self.diagnostics, begins_map=known is None)
         self._status = StatusReporter(publishers, self.diagnostics, log)
         self._recorder = Recorder(
-            lambda: BlackBox(folder.path, config, calibration), folder.path, config.recording, self._warn
+            lambda: BlackBox(folder.path, config, calibration, known), folder.path, config.recording, self._warn
         )
-        start = Start(config, calibration, folder.path, folder.resumes)
+        start = Start(config, calibration, folder.path, folder.resumes, known)
         self.estimation = Supervisor(start, self.backlog, self._recorder, self.inbox.wake)
 
     def close(self) -> None:
@@ -119,6 +131,8 @@ class MainLoop(Closing):
         match report:
             case Compiling():
                 self._log.info("compiling", functions=report.functions, text="once; about half a minute")
+            case Refused():
+                raise DaemonError(report.why)
             case Ready():
                 self._handle_ready(report)
             case Update():

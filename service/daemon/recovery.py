@@ -6,6 +6,7 @@ from itertools import chain
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap.blocks import Record, RecordingError
 from wayfi.recordings.mcap.parts import BLACKBOX, begins_at_first, parts_of
@@ -27,15 +28,20 @@ class Recovered:
     whole: bool
 
 
-def recover(folder: Path, config: Config, calibration: Calibration | None, log: Log) -> Recovered:
-    """The drive in `folder` as of the last message of its black box; it logs to `log` from then on."""
+def recover(
+    folder: Path, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+) -> Recovered:
+    """The drive in `folder`, in the map `known` if it localises, as of the last message of its black box.
+
+    It logs to `log` from then on.
+    """
     checkpoint = read_checkpoint(folder)
     records = _since(folder, checkpoint) if checkpoint else None
     whole = records is not None or begins_at_first(folder, BLACKBOX)
     if checkpoint is None or records is None:
-        live, records = LiveDrive(config, calibration, NullLog()), _records(parts_of(folder, BLACKBOX))
+        live, records = LiveDrive(config, calibration, NullLog(), known), _records(parts_of(folder, BLACKBOX))
     else:
-        live = LiveDrive.restored(checkpoint.drive, NullLog())
+        live = LiveDrive.restored(checkpoint.drive, NullLog(), known)
     replayer = BlackBoxReplayer(live)
     replayed = 0
     for record in records:

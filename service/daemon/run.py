@@ -6,18 +6,25 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.service.blackbox.run_folder import open_run_folder
 from wayfi.service.config import Config
 from wayfi.service.daemon.daemon import Daemon
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.transport.connection_watch import ConnectionWatch
 from wayfi.service.transport.zenoh_session import UnreachableError, open_session, open_with_retries
 
 
-def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = False, quiet: bool = False) -> int:
+def run_daemon(
+    config: Config,
+    calibration: Calibration | None,
+    fresh: bool = False,
+    quiet: bool = False,
+    known: MapReference | None = None,
+) -> int:
     """Run until SIGINT or SIGTERM, then write the results; returns the exit code. `quiet` logs warnings only.
 
-    Resumes the newest run if that was not stopped cleanly, unless `fresh`; a reset begins a new run. Raises ZenohError
-    where the endpoints cannot be used, RunFolderError where the folder cannot, DaemonError where a run cannot go on or
-    its results cannot be written.
+    Localises in the map `known` if that is given. Resumes the newest run if that was not stopped cleanly, unless
+    `fresh`; a reset begins a new run. Raises ZenohError where the endpoints cannot be used, RunFolderError where the
+    folder cannot, DaemonError where a run cannot go on or its results cannot be written.
     """
     log = LogLines(quiet)
     with StopSignal() as stop:
@@ -25,8 +32,8 @@ def run_daemon(config: Config, calibration: Calibration | None, fresh: bool = Fa
         if session is not None:
             with session, ConnectionWatch(session, config.zenoh, log):
                 while not stop.requested:
-                    folder = open_run_folder(config, calibration, fresh)
-                    Daemon(config, calibration, folder, session, log, stop).run()
+                    folder = open_run_folder(config, calibration, fresh, known)
+                    Daemon(config, calibration, folder, session, log, stop, known).run()
                     fresh = True
     return 0
 

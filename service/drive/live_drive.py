@@ -3,18 +3,20 @@
 import pickle
 import traceback
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
-from wayfi.recordings.log import Log
+from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.map.saving import MapSaver
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.map_pickling import MapPickling
 
 
 class LiveDrive:
@@ -24,10 +26,13 @@ class LiveDrive:
     number of its newest checkpoint; both are 0 before the first.
     """
 
-    def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
-        self.drive = Drive(config, calibration, log)
+    def __init__(
+        self, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+    ) -> None:
+        self.drive = Drive(config, calibration, log, known)
+        self._pickling = MapPickling(known)
         self._wheels = calibration.wheels if calibration else None
-        self._live = LivePose(config.odometry, self._wheels)
+        self._live = self._new_live_pose()
         self._estimates: dict[int, Estimate] = {}
         self.newest = 0
         self.checkpoints = 0
@@ -61,18 +66,31 @@ class LiveDrive:
             self._estimates[estimate.serial] = pickle.loads(pickle.dumps(estimate))
         return estimate
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what names the objects of the map."""
+        return {name: value for name, value in vars(self).items() if name != "_pickling"}
+
     @classmethod
-    def restored(cls, data: bytes, log: Log) -> Self:
-        """The drive that `checkpoint` made these bytes of; it logs to `log`."""
-        live: Self = pickle.loads(data)
+    def restored(cls, data: bytes, log: Log, known: BuildingMap | None = None) -> Self:
+        """The drive that `checkpoint` made these bytes of, in the same map; it logs to `log`."""
+        return cls._unpickled(data, log, MapPickling(known))
+
+    @classmethod
+    def _unpickled(cls, data: bytes, log: Log, pickling: MapPickling) -> Self:
+        live: Self = pickling.loads(data)
+        live._pickling = pickling
         live.drive.log = log
         return live
+
+    def copy(self) -> Self:
+        """A drive that goes on as this one does; it logs nothing."""
+        return self._unpickled(self._pickling.dumps(self), NullLog(), self._pickling)
 
     def checkpoint(self, number: int) -> bytes:
         """The pickled drive. This object becomes the unpickled copy, so that a resumed drive gives exactly the same."""
         self.checkpoints = number
-        data = pickle.dumps(self, protocol=pickle.HIGHEST_PROTOCOL)
-        vars(self).update(vars(self.restored(data, self.drive.log)))
+        data = self._pickling.dumps(self)
+        vars(self).update(vars(self._unpickled(data, self.drive.log, self._pickling)))
         return data
 
     def apply(self, record: ControlRecord) -> list[Event]:
@@ -86,6 +104,9 @@ class LiveDrive:
                 return self._resume(record.number * 1e-3)
         return []
 
+    def _new_live_pose(self) -> LivePose:
+        return LivePose(self.drive.config.odometry, self._wheels, begins_map=not self.drive.localises)
+
     def _adopt(self, serial: int) -> None:
         """Base the live pose on the estimate of this number, or on the newest before where messages are missing."""
         known = [number for number in self._estimates if number <= serial]
@@ -97,5 +118,5 @@ class LiveDrive:
     def _resume(self, seconds: float) -> list[Event]:
         """Resume after so many seconds without messages, with a live pose without any estimate."""
         self._estimates.clear()
-        self._live = LivePose(self.drive.config.odometry, self._wheels)
+        self._live = self._new_live_pose()
         return self.drive.pipeline.resume(seconds)

@@ -47,7 +47,7 @@ def write_results(
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError, MapError.
 
-    `saver` saves the map, where it has done so on the way.
+    `saver` saves the map, where it has done so on the way. A drive that localises has no map of its own to save.
     """
     building = estimate.building
     with drive.timer("files"):
@@ -57,7 +57,8 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
-        (saver or MapSaver(directory / MAP, drive.config.map)).save(building)
+        if not drive.localises:
+            (saver or MapSaver(directory / MAP, drive.config.map)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report

@@ -9,6 +9,7 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import Sensor
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.bags.opening import open_any_recording
@@ -18,9 +19,10 @@ from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.recordings.mcap.recording import Recording
 from wayfi.recordings.rerun.log_process import LogProcess, Part
-from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG
+from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG, MAP
 from wayfi.service.config import Config, load_config
 from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.known_map import MapReference
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
@@ -84,7 +86,7 @@ def replay(
         replayer = replayer_of(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
         playback = PlaybackRate(options.rate)
         result = _run(recording, replayer, playback, progress)
-        if len(result.stamps_ns) == 0 or _stands_still(result, replayer.drive):
+        if _never_began(result, replayer.drive) or _stands_still(result, replayer.drive):
             raise ReplayError(_nothing_usable(recording_path, replayer.drive, sought, replayer.unused))
         warnings = recording.warnings + sought + playback.warnings
         warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
@@ -115,8 +117,14 @@ def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progr
 def replayer_of(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
     """What plays the recording's records, in their order, into a drive."""
     if recording.is_blackbox:
-        return BlackBoxReplayer(LiveDrive(config, calibration, log))
+        return BlackBoxReplayer(LiveDrive(config, calibration, log, _map_of(recording)))
     return PlainReplayer(Drive(config, calibration, log))
+
+
+def _map_of(recording: Recording) -> BuildingMap | None:
+    """The map that a black box's drive localised in, if it did. Raises MapError where that is not there any more."""
+    named = recording.attachments().get(MAP)
+    return MapReference.parse(named, f"{recording.path}: {MAP}").load() if named else None
 
 
 def _play_all(
@@ -137,6 +145,11 @@ def _open_log(config: Config, rrd: bool, path: Path, recording_id: str) -> Log:
     if rrd and config.rerun.enabled:
         return LogProcess(Part(config.rerun, path, recording_id))
     return NullLog()
+
+
+def _never_began(result: DriveEstimate, drive: Drive) -> bool:
+    """Whether no message has moved the robot; without poses it may still have moved, unknown where in its map."""
+    return len(result.stamps_ns) == 0 and drive.pipeline.stamp_ns == 0
 
 
 def _stands_still(result: DriveEstimate, drive: Drive) -> bool:

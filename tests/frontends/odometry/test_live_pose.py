@@ -12,7 +12,14 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry
 from wayfi.frontends.odometry.driven_path import PathPoint
-from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE, Anchor, Estimate, LivePose
+from wayfi.frontends.odometry.live_pose import (
+    ESTIMATE_EVERY,
+    ORIGIN_COVARIANCE,
+    Anchor,
+    Estimate,
+    EstimateSchedule,
+    LivePose,
+)
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.slam_config import SlamConfig
@@ -78,6 +85,28 @@ def test_poses_that_were_held_back_while_the_laser_led_come_with_the_anchor() ->
     assert [live.add(m) for m in messages[1:4]] == [None] * 3
     assert [pose.stamp_ns for pose in live.adopt(estimate)] == [m.stamp_ns for m in messages[1:4]]
     assert live.add(messages[4]) is not None
+
+
+def test_in_a_known_map_nothing_is_published_while_no_pose_is_claimed() -> None:
+    messages = stream(["sound"] * 6)
+    estimate = estimated(messages[:1])[0][0]
+    assert estimate is not None
+    live, given_up = LivePose(CONFIG, begins_map=False), Estimate(2, deepcopy(estimate.odometry), None)
+    assert [live.add(m) for m in messages[:2]] == [None] * 2
+    assert [pose.stamp_ns for pose in live.adopt(deepcopy(estimate))] == [messages[1].stamp_ns]
+    assert live.add(messages[2]) is not None
+    assert live.adopt(given_up) == []
+    assert [live.add(m) for m in messages[3:]] == [None] * 3
+
+
+def test_an_estimate_is_due_as_soon_as_a_pose_is_claimed_or_given_up() -> None:
+    schedule = EstimateSchedule()
+    assert not schedule.is_due(0, 1, claimed=False)
+    assert schedule.is_due(1, 2, claimed=False)
+    assert schedule.is_due(1, 3, claimed=True)
+    assert not schedule.is_due(1, 4, claimed=True)
+    assert schedule.is_due(1, 5, claimed=False)
+    assert schedule.is_due(1, 5 + ESTIMATE_EVERY, claimed=False)
 
 
 def test_the_covariance_grows_along_the_way_and_an_unknown_motion_makes_it_uncertain() -> None:

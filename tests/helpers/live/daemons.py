@@ -6,7 +6,7 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -142,15 +142,15 @@ class Running:
 
 
 @contextmanager
-def running(directory: Path, *extra: str, router: str = "") -> Iterator[Running]:
-    """A daemon that is ready; `router` is the endpoint of one that it is to be a client of."""
+def running(directory: Path, *extra: str, router: str = "", flags: Sequence[str] = ()) -> Iterator[Running]:
+    """A daemon that is ready; `router` is the endpoint of one that it is to be a client of, `extra` are settings."""
     if router:
         config = ZenohConfig(mode="client", connect=[router], prefix=PREFIX)
     else:
         config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=PREFIX)
     zenoh_values = (f"zenoh.{name}={getattr(config, name)}" for name in ("mode", "listen", "connect", "prefix"))
     values = (*zenoh_values, f"recording.directory={directory}", f"rerun.port={free_port()}", *extra)
-    settings = [word for value in values for word in ("--set", value)]
+    settings = [*(word for value in values for word in ("--set", value)), *flags]
     process = _launch(settings)
     daemon: Running | None = None
     try:
