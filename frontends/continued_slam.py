@@ -38,6 +38,12 @@ class ContinuedSlam(SlamCore):
         """The map with what the drive has added so far; None while the robot is not found."""
         return None if self._finding else super().made_map()
 
+    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats) -> list[Event]:
+        """Join the map at a pose of the newest keyframe, of (3, 3) `covariance`, that was claimed in it until now."""
+        if self._finding is None:
+            return []
+        return self._sought(stamp_ns, self._finding.take_over(stamp_ns, T_map_base, covariance))
+
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Add a pose from outside; an initial pose helps to find the robot."""
         if self._finding is None:

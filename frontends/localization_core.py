@@ -4,6 +4,7 @@ import numpy as np
 
 from wayfi.backend.graph.health import Health, State
 from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.events import Event, StateChanged
@@ -68,6 +69,11 @@ class LocalizationCore:
         covariance = UNKNOWN_COVARIANCE if placed.covariance is None else placed.covariance
         self._localizer.add_initial(T_map_keyframe, covariance)
         return self._changes(placed.point.stamp_ns)
+
+    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats) -> list[Event]:
+        """Claim a pose at the newest keyframe, of (3, 3) `covariance`, that was claimed in this map until now."""
+        self._localizer.take_over(T_map_base, covariance)
+        return self._changes(stamp_ns)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """Add a keyframe at `point`, with its scan if there is one, and compare it with the map."""

@@ -72,6 +72,12 @@ class Localizer:
         if self._track.newest >= 0:
             self._hypotheses.append(Hypothesis(T_map_base, covariance, self._track.newest))
 
+    def take_over(self, T_map_base: Pose2, covariance: Floats) -> None:
+        """Claim a pose at the newest keyframe that was claimed by others, who knew the map, until now."""
+        self.claimed = Hypothesis(T_map_base, covariance, self._track.newest)
+        self._hypotheses.append(self.claimed)
+        self.health = Health(State.TRACKING, "the pose was known before the mode was changed")
+
     def go_on(self) -> None:
         """Do the next slice of the work that waits: compare some scans with the map, or search on."""
         if self._track.newest < 0:

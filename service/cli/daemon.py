@@ -15,6 +15,7 @@ from wayfi.service.cli.options import (
     command_output,
     configuration,
 )
+from wayfi.service.drive.mode import Mode
 
 
 def run(
@@ -22,7 +23,10 @@ def run(
     settings: Settings = None,
     calibration: CalibrationFile = None,
     map_path: Annotated[
-        Path | None, typer.Option("--map", help="Localise in this saved map: its folder, or results with one.")
+        Path | None, typer.Option("--map", help="Begin in this saved map: its folder, or results with one.")
+    ] = None,
+    mode: Annotated[
+        Mode | None, typer.Option(help="Localise in the map (with --map, the default), or go on making it.")
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin a new run, even where one was cut off.")] = False,
     quiet: Quiet = False,
@@ -34,7 +38,9 @@ def run(
         from wayfi.service.drive.known_map import MapReference
 
         configured, prior = configuration(config, settings), calibration_of(calibration)
-        known = MapReference.of(map_path) if map_path else None
+        if mode is Mode.LOCALIZATION and map_path is None:
+            raise typer.BadParameter("localization needs a map: give --map", param_hint="--mode")
+        known = MapReference.of(map_path, mode or Mode.LOCALIZATION) if map_path else None
         code = run_daemon(configured, prior, fresh, quiet, known)
         output.result({"exit_code": code})
     raise typer.Exit(code)

@@ -1,11 +1,13 @@
 """Executes commands to the daemon, and answers each."""
 
 from collections import deque
+from collections.abc import Callable
 
 from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.daemon.daemon_state import StateMachine
 from wayfi.service.daemon.estimator_messages import Backlog, Save, Saved
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.mode import Mode
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.commands import Command, Name
 
@@ -13,16 +15,21 @@ from wayfi.service.transport.commands import Command, Name
 class CommandHandler:
     """Executes the commands to one run. Those that change it are recorded in the black box, through `backlog`.
 
-    `paused` says whether received messages are to be dropped.
+    `paused` says whether received messages are to be dropped, `mode` what the drive does, as last commanded; `has_map`
+    tells whether there is a map yet.
     """
 
-    def __init__(self, folder: RunFolder, backlog: Backlog, machine: StateMachine, log: LogLines) -> None:
+    def __init__(
+        self, folder: RunFolder, backlog: Backlog, machine: StateMachine, log: LogLines, has_map: Callable[[], bool]
+    ) -> None:
         self._folder = folder
         self._backlog = backlog
         self._machine = machine
         self._log = log
+        self._has_map = has_map
         self._saving: deque[Command] = deque()
         self.paused = False
+        self.mode = Mode.MAPPING
 
     def execute(self, command: Command) -> None:
         """Execute a command and answer it; `save` is answered when its files are written."""
@@ -39,9 +46,7 @@ class CommandHandler:
                 self._machine.request_end()
                 command.answer(True, f"{self._folder.path} is being closed; a new run begins")
             case Name.MODE:
-                known = command.argument == "mapping"
-                wrong = f"no mode {command.argument!r}: the only mode is 'mapping'"
-                command.answer(known, "mapping" if known else wrong)
+                self._change_mode(command)
 
     def handle_saved(self, saved: Saved) -> None:
         """Answer the oldest `save` that waits."""
@@ -53,6 +58,18 @@ class CommandHandler:
         """Answer every `save` that waits with a failure."""
         while self._saving:
             self._saving.popleft().answer(False, why)
+
+    def _change_mode(self, command: Command) -> None:
+        if command.argument not in tuple(Mode):
+            command.answer(False, f"no mode {command.argument!r}: the modes are 'mapping' and 'localization'")
+        elif command.argument == self.mode:
+            command.answer(True, command.argument)
+        elif not self._has_map():
+            command.answer(False, f"no {command.argument} without a map: drive first, or start with --map")
+        else:
+            self.mode = Mode(command.argument)
+            self._backlog.put(ControlRecord(ControlKind.MODE, text=self.mode))
+            command.answer(True, f"{self.mode}, in the map made so far")
 
     def _pause(self, command: Command) -> None:
         paused = command.name is Name.PAUSE

@@ -90,14 +90,15 @@ class Estimator:
         known = start.map.load() if start.map else None
         if start.resumes:
             found = recover(start.folder, start.config, start.calibration, self._log, known)
-            return found.live, Ready(found.live.checkpoints, found.replayed, found.whole)
+            return found.live, Ready(found.live.checkpoints, found.replayed, found.whole, found.live.drive.mode)
         with watch_compilation(self._report_compiling):
             warm_up()
-        return LiveDrive(start.config, start.calibration, self._log, known), Ready(0, 0, whole=True)
+        live = LiveDrive(start.config, start.calibration, self._log, known)
+        return live, Ready(0, 0, True, live.drive.mode)
 
     def _publish_known_map(self) -> None:
         """Publish the map that the drive localises in, if it does: others need it before the robot is found."""
-        drawn = self._live.drive.history() if self._live.drive.localises else []
+        drawn = self._live.drive.history() if self._live.drive.former else []
         for event in drawn:
             if isinstance(event, GridRedrawn):
                 self._outgoing.send(Update(map_cdr=map_message(event, self._config.map, self._config.frames.map)))

@@ -12,6 +12,7 @@ from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlRecord
 from wayfi.service.drive.counters import Drops
 from wayfi.service.drive.known_map import MapReference
+from wayfi.service.drive.mode import Mode
 from wayfi.service.transport.message_queue import MessageQueue, Received
 
 
@@ -44,12 +45,14 @@ class Refused:
 class Ready:
     """The estimation can be fed from now on. The drive is `whole` where all that it was fed so far was recovered.
 
-    `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the messages after that.
+    `mode` is what it does. `checkpoint` is the number of its newest checkpoint, 0 without one; `since` counts the
+    messages after that.
     """
 
     checkpoint: int
     since: int
     whole: bool
+    mode: Mode
 
 
 @dataclass(frozen=True, slots=True)

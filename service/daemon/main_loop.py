@@ -58,6 +58,7 @@ class MainLoop(Closing):
     ) -> None:
         limits = limits_of(config.zenoh, config.recording.every_topic)
         self._folder = folder
+        self._known = known
         self._publishers = publishers
         self._log = log
         self._gap_s = folder.away_s or 0.0  # without messages, recorded when the estimation is ready
@@ -66,7 +67,9 @@ class MainLoop(Closing):
         self.inbox = MessageQueue[Received](limits)
         self.backlog = Backlog(limits)
         self.diagnostics = Diagnostics(self.inbox, self.backlog)
-        self.handler = CommandHandler(folder, self.backlog, self.machine, log)
+        self.handler = CommandHandler(
+            folder, self.backlog, self.machine, log, lambda: known is not None or self._live.has_published
+        )
         self._live = LivePublisher(config, calibration, publishers, self.diagnostics, begins_map=known is None)
         self._status = StatusReporter(publishers, self.diagnostics, log)
         self._recorder = Recorder(
@@ -100,6 +103,8 @@ class MainLoop(Closing):
         self._status.report(
             {
                 "run": self._folder.path,
+                "mode": self.handler.mode,
+                "map": self._known or "",
                 "paused": str(self.handler.paused).lower(),
                 "unpublished": self._publishers.unpublished,
                 "unrecorded": self._recorder.unrecorded,
@@ -145,6 +150,7 @@ class MainLoop(Closing):
     def _handle_ready(self, ready: Ready) -> None:
         """Feed the estimation. A drive from which messages are missing waits for its first estimate."""
         missing = not (ready.whole and self._recorder.whole)
+        self.handler.mode = ready.mode
         self.estimation.feed(ready)
         match self.machine.state:
             case DaemonState.STARTING:

@@ -6,7 +6,6 @@ from itertools import chain
 from pathlib import Path
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.mcap.blocks import Record, RecordingError
 from wayfi.recordings.mcap.parts import BLACKBOX, begins_at_first, parts_of
@@ -15,6 +14,7 @@ from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.checkpoint import Checkpoint, read_checkpoint
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecordError, parse_control_record
+from wayfi.service.drive.known_map import KnownMap
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.replay.replayers import BlackBoxReplayer
 
@@ -29,9 +29,9 @@ class Recovered:
 
 
 def recover(
-    folder: Path, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+    folder: Path, config: Config, calibration: Calibration | None, log: Log, known: KnownMap | None = None
 ) -> Recovered:
-    """The drive in `folder`, in the map `known` if it localises, as of the last message of its black box.
+    """The drive in `folder`, in the map `known` if it began in one, as of the last message of its black box.
 
     It logs to `log` from then on.
     """

@@ -18,12 +18,13 @@ class ControlKind(StrEnum):
     ADOPT = "adopt"  # based the live pose on an estimate
     CHECKPOINT = "checkpoint"  # saved the drive
     AWAY = "away"  # missed messages, and resumed
+    MODE = "mode"  # made the map, or localised in it, from then on
     COMMAND = "command"  # executed a command
 
 
 @dataclass(frozen=True, slots=True)
 class ControlRecord:
-    """One action: `number` is that of the estimate or checkpoint, or the ms away; `text` the name of the command."""
+    """One action: `number` is that of the estimate or checkpoint, or the ms away; `text` names the command or mode."""
 
     kind: ControlKind
     number: int = 0

@@ -7,14 +7,16 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GraphUpdated, PosePublished, Verdict, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import LaserScan, Measurement, Sensor
-from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.switching_pipeline import SwitchingPipeline
 from wayfi.recordings.log import Log, NullLog
+from wayfi.recordings.map.manifest import MapName
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.codec_error import CodecError
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.counters import Counters
+from wayfi.service.drive.mode import Mode
 from wayfi.service.drive.timing import StageTimer
 from wayfi.service.drive.unused_streams import UnusedStreams
 
@@ -22,19 +24,26 @@ from wayfi.service.drive.unused_streams import UnusedStreams
 class Drive:
     """Decodes and processes messages in their order; no content of a message makes it raise.
 
-    It makes a map, or localises in `known` if that is given.
+    It makes a map; in one that is `known` it localises, or it `extends` that. `makes_map` says whether it has a map of
+    its own to save, and `former` is the name that this had before.
     """
 
     def __init__(
-        self, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+        self,
+        config: Config,
+        calibration: Calibration | None,
+        log: Log,
+        known: BuildingMap | None = None,
+        extends: bool = False,
     ) -> None:
         self.config = config
-        self.localises = known is not None
+        self.makes_map = known is None or extends
+        self.former: MapName | None = None
         self.topics = config.recording.topics
         self.counters = Counters(self.topics)
         self.unused = UnusedStreams(self.topics)
         self.timer = StageTimer()
-        self.pipeline = Pipeline(config, calibration, self.timer, known)
+        self.pipeline = SwitchingPipeline(config, calibration, self.timer, known, extends)
         self.log = log
 
     def __getstate__(self) -> dict[str, Any]:
@@ -70,6 +79,17 @@ class Drive:
         with self.timer("process"):
             events = self.pipeline.process(measurement, published)
         return events + self.unused.judge(self.counters.messages, events, self.pipeline.stamp_ns)
+
+    def switch(self, mode: Mode) -> list[Event]:
+        """Make the map, or localise in it, from now on; returns the events, for `show`."""
+        self.makes_map |= mode is Mode.MAPPING
+        with self.timer("switch"):
+            return self.pipeline.switch(mode is Mode.LOCALIZATION)
+
+    @property
+    def mode(self) -> Mode:
+        """What the drive does at present."""
+        return Mode.LOCALIZATION if self.pipeline.localises else Mode.MAPPING
 
     def show(self, events: list[Event]) -> None:
         """Count and log events; to be called after they were published, because logging takes longer."""

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
-from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.log import Log, NullLog
@@ -16,7 +15,9 @@ from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
+from wayfi.service.drive.known_map import KnownMap
 from wayfi.service.drive.map_pickling import MapPickling
+from wayfi.service.drive.mode import Mode
 
 
 class LiveDrive:
@@ -27,10 +28,13 @@ class LiveDrive:
     """
 
     def __init__(
-        self, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+        self, config: Config, calibration: Calibration | None, log: Log, known: KnownMap | None = None
     ) -> None:
-        self.drive = Drive(config, calibration, log, known)
-        self._pickling = MapPickling(known)
+        building, extends = (known.building, known.mode is Mode.MAPPING) if known else (None, False)
+        self.drive = Drive(config, calibration, log, building, extends)
+        self.drive.former = known.name if known else None
+        self._begins_map = known is None
+        self._pickling = MapPickling(building)
         self._wheels = calibration.wheels if calibration else None
         self._live = self._new_live_pose()
         self._estimates: dict[int, Estimate] = {}
@@ -71,9 +75,9 @@ class LiveDrive:
         return {name: value for name, value in vars(self).items() if name != "_pickling"}
 
     @classmethod
-    def restored(cls, data: bytes, log: Log, known: BuildingMap | None = None) -> Self:
+    def restored(cls, data: bytes, log: Log, known: KnownMap | None = None) -> Self:
         """The drive that `checkpoint` made these bytes of, in the same map; it logs to `log`."""
-        return cls._unpickled(data, log, MapPickling(known))
+        return cls._unpickled(data, log, MapPickling(known.building if known else None))
 
     @classmethod
     def _unpickled(cls, data: bytes, log: Log, pickling: MapPickling) -> Self:
@@ -100,12 +104,14 @@ class LiveDrive:
                 self.checkpoint(record.number)
             case ControlKind.ADOPT:
                 self._adopt(record.number)
+            case ControlKind.MODE:
+                return self.drive.switch(Mode(record.text))
             case ControlKind.AWAY:
                 return self._resume(record.number * 1e-3)
         return []
 
     def _new_live_pose(self) -> LivePose:
-        return LivePose(self.drive.config.odometry, self._wheels, begins_map=not self.drive.localises)
+        return LivePose(self.drive.config.odometry, self._wheels, begins_map=self._begins_map)
 
     def _adopt(self, serial: int) -> None:
         """Base the live pose on the estimate of this number, or on the newest before where messages are missing."""

@@ -57,8 +57,8 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
-        if not drive.localises:
-            (saver or MapSaver(directory / MAP, drive.config.map)).save(building)
+        if drive.makes_map:
+            (saver or MapSaver(directory / MAP, drive.config.map, drive.former)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report

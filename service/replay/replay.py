@@ -9,7 +9,6 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import Sensor
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.bags.opening import open_any_recording
@@ -22,7 +21,7 @@ from wayfi.recordings.rerun.log_process import LogProcess, Part
 from wayfi.service.blackbox.blackbox import CALIBRATION, CONFIG, MAP
 from wayfi.service.config import Config, load_config
 from wayfi.service.drive.drive import Drive
-from wayfi.service.drive.known_map import MapReference
+from wayfi.service.drive.known_map import KnownMap, MapReference
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
@@ -121,8 +120,8 @@ def replayer_of(recording: Recording, config: Config, calibration: Calibration |
     return PlainReplayer(Drive(config, calibration, log))
 
 
-def _map_of(recording: Recording) -> BuildingMap | None:
-    """The map that a black box's drive localised in, if it did. Raises MapError where that is not there any more."""
+def _map_of(recording: Recording) -> KnownMap | None:
+    """The map that a black box's drive began in, if it did. Raises MapError where that is not there any more."""
     named = recording.attachments().get(MAP)
     return MapReference.parse(named, f"{recording.path}: {MAP}").load() if named else None
 

@@ -4,7 +4,9 @@ import json
 import shutil
 import subprocess
 import time
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from live.daemons import Running, asked_for, message_of, running
 from live.loopback import CLI, eventually
 from live.runs import poses_of, replays_alike, report_of
 
-from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.measurements import SECOND_NS, Odometry
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.map.loading import load_map
@@ -148,3 +150,32 @@ def test_a_daemon_does_not_start_in_what_is_no_map(tmp_path: Path) -> None:
     done = subprocess.run([*CLI, "run", "--map", str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "holds no map" in done.stderr
+
+
+def test_the_mode_is_changed_on_the_way_and_back_in_the_map_made_so_far(tmp_path: Path) -> None:
+    made = drive(storey(), [*ROUTE, *ROUTE[1:5]], day=2)
+    cuts = np.linspace(0, len(made.arrivals), 4).astype(int)
+    parts = [write(tmp_path / f"{n}.mcap", made.arrivals[a:b]) for n, (a, b) in enumerate(pairwise(cuts))]
+    with running(tmp_path / "runs") as daemon:
+        daemon.collect("wayfi/status", "wayfi/pose")
+        assert not asked(daemon, "mode", "localization")["ok"]
+        for part, mode in zip(parts, ("localization", "mapping", ""), strict=True):
+            daemon.publish(part, FASTER)
+            if mode:
+                assert asked(daemon, "mode", mode)["ok"]
+                eventually(lambda mode=mode: daemon.status()["mode"] == mode)
+        assert daemon.stop() == 0, daemon.stderr
+    online, final = (read_tum(daemon.folder / name) for name in ("online.tum", "trajectory.tum"))
+    assert len(online.stamps_ns) == made.count(Odometry) == len(poses_of(daemon))
+    metres, radians = errors(final, made.truth)
+    assert metres.max() < RIGHT_M
+    assert radians.max() < RIGHT_RAD
+    assert load_map(daemon.folder).building.keyframes
+    assert {change["state"] for change in report_of(daemon.folder)["status_changes"]} == {"TRACKING"}
+    assert replays_alike(daemon.folder, tmp_path / "again")
+
+
+def asked(daemon: Running, name: str, argument: str) -> dict[str, Any]:
+    (answer,) = asked_for(daemon.session, f"{daemon.key(f'wayfi/command/{name}')}?{argument}")
+    said: dict[str, Any] = json.loads(answer)
+    return said
