@@ -7,6 +7,7 @@ about as well as the best one, and how nearly they do.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,11 +61,23 @@ class MapSearch:
     """Searches a map, one `begin` after the other; what it compares with is built on the way of the first one."""
 
     def __init__(self, building: BuildingMap, config: MapSearchConfig) -> None:
-        self._config = config
+        self._config, self._building = config, building
         self._steps: Iterator[PlaceField | None] = building_steps(building, config)
+        self._taken = 0  # of these steps
         self._field: PlaceField | None = None
         self._wanted: tuple[Floats, Region | None] | None = None
         self._search: _Search | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the steps, which cannot be pickled."""
+        return {name: value for name, value in vars(self).items() if name != "_steps"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore, and take the steps that were taken of a field that is not complete."""
+        vars(self).update(state)
+        self._steps = building_steps(self._building, self._config)
+        for _ in range(self._taken if self._field is None else 0):
+            next(self._steps)
 
     def begin(self, scans: Sequence[ScanPoints], poses: Floats, region: Region | None = None) -> bool:
         """Search for `scans` at (n, 3) poses in the base_link that is to be found; False if they have too few points.
@@ -80,6 +93,7 @@ class MapSearch:
         """Compare about `work` poses more, and return what was found once all are compared; None before."""
         while self._field is None and work > 0:
             self._field, work = next(self._steps), work - STEP_WORK
+            self._taken += 1
         if self._wanted is None or self._field is None or work <= 0:
             return None
         if self._search is None:
