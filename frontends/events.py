@@ -216,6 +216,20 @@ class StateChanged:
     failure_category: FailureCategory = FailureCategory.NONE
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class HypothesesFollowed:
+    """Where the robot may be in a known map: `T_map_base` (n, 3), the claimed one first, and `evidence` (n,) in nats.
+
+    None of them is claimed unless `claimed`. `points` (m, 2) float32 m in base_link are the newest scan.
+    """
+
+    stamp_ns: int
+    T_map_base: Floats
+    evidence: Floats
+    claimed: bool
+    points: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True)
 class Dropped:
     """A measurement, or a reading of a WiFi scan, that was not used; `topic` is a scan's own, empty where unknown."""
@@ -260,6 +274,7 @@ Event = (
     | GraphUpdated
     | CalibrationUpdated
     | StateChanged
+    | HypothesesFollowed
     | Dropped
     | Warned
     | GridRedrawn

@@ -5,8 +5,8 @@ import numpy as np
 from wayfi.backend.graph.health import Health, State
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.event_making import grid_event
-from wayfi.frontends.events import Event, StateChanged
+from wayfi.frontends.event_making import grid_event, points_of
+from wayfi.frontends.events import Event, HypothesesFollowed, StateChanged
 from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.local_track import LocalTrack
@@ -75,7 +75,7 @@ class LocalizationCore:
             self._track.add(point, placed)
         with self._timer("localization"):
             self._localizer.add_keyframe()
-        return self._changes(point.stamp_ns)
+        return [*self._changes(point.stamp_ns), self._followed(point.stamp_ns)]
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
         """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
@@ -122,6 +122,16 @@ class LocalizationCore:
         claimed = np.isfinite(online[:, 0])
         poses = online[claimed]
         return DriveEstimate(trajectories.stamps_ns()[claimed], poses, poses, self._building), []
+
+    def _followed(self, stamp_ns: int) -> HypothesesFollowed:
+        """The hypotheses at the newest keyframe, the claimed one first, then by their evidence."""
+        track, claimed = self._track, self._localizer.claimed
+        followed = [h for h in self._localizer.hypotheses if h.keyframe >= track.first]
+        followed.sort(key=lambda h: (h is not claimed, -h.evidence))
+        poses = [(h.T_map_base @ track.between(h.keyframe, track.newest)).array() for h in followed]
+        evidence = np.array([h.evidence for h in followed])
+        points = points_of(track.scan(track.newest))
+        return HypothesesFollowed(stamp_ns, np.array(poses).reshape(-1, 3), evidence, claimed is not None, points)
 
     def _changes(self, stamp_ns: int) -> list[Event]:
         health, told = self._localizer.health, self._told

@@ -20,6 +20,7 @@ from wayfi.recordings.rerun.views.backend import BackendView
 from wayfi.recordings.rerun.views.check import CheckView
 from wayfi.recordings.rerun.views.closures import ClosuresView
 from wayfi.recordings.rerun.views.grid import GridView
+from wayfi.recordings.rerun.views.hypotheses import HypothesesView
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.robot import RobotView
 from wayfi.recordings.rerun.views.scans import ScansView
@@ -50,6 +51,7 @@ class RerunLog:
             ClosuresView(stream, config, poses),
             RobotView(stream, config),
             ScansView(stream, config),
+            HypothesesView(stream, config),
             CheckView(stream, config),
             WifiView(stream, config, poses),
             self._backend,

@@ -18,6 +18,7 @@ SEQUENCE_A: Color = (70, 165, 255)
 SEQUENCE_B: Color = (255, 205, 60)
 PAIRING: Color = (90, 90, 90)
 HERE: Color = (255, 255, 255)
+HYPOTHESIS: Color = (200, 140, 255)
 
 VERDICT: dict[Verdict, Color] = {
     Verdict.ACCEPTED: (70, 215, 110),
@@ -25,6 +26,7 @@ VERDICT: dict[Verdict, Color] = {
     Verdict.REMOVED: (190, 90, 255),
 }
 STATE: dict[State, Color] = {
+    State.RELOCALISING: (200, 140, 255),
     State.TRACKING: (70, 215, 110),
     State.UNCERTAIN: (255, 165, 40),
     State.LOST: (255, 70, 70),

@@ -9,7 +9,7 @@ from wayfi.service.cli.configuration import compile_all, show_config
 from wayfi.service.cli.daemon import run
 from wayfi.service.cli.maps import align, closures, merge
 from wayfi.service.cli.radio import radio
-from wayfi.service.cli.recordings import demo, import_file, inspect, publish, record, replay, simulate
+from wayfi.service.cli.recordings import demo, import_file, inspect, localize, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
 from wayfi.service.process.compilation import ensure_cache
 
@@ -22,6 +22,7 @@ app = typer.Typer(
 for command in (
     demo,
     replay,
+    localize,
     evaluate,
     simulate,
     reproduce,

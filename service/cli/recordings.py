@@ -1,4 +1,4 @@
-"""The commands that make, show or use a recording: simulate, inspect, replay, publish, record; and the demo."""
+"""The commands that make, show or use a recording: simulate, inspect, replay, localize, publish, record; the demo."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -53,6 +53,29 @@ def replay(
             configured, prior = settings_for(recording, config or (), settings or (), calibration)
             report = replay(recording, configured, prior, options, progress)
         print_replay(output, out, report)
+
+
+def localize(
+    recording: RecordingPath,
+    map_path: Annotated[Path, typer.Option("--map", help="Folder of a saved map, or of results with one.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results; made if need be.")],
+    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave session.rrd out.")] = False,
+    config: Files = None,
+    settings: Settings = None,
+    calibration: CalibrationFile = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Localise a recording in a saved map, with no initial pose: only poses that are claimed, and the states."""
+    with command_output(quiet, as_json) as output:
+        from wayfi.service.cli.summaries import print_localization
+        from wayfi.service.replay.localize import localize
+        from wayfi.service.replay.replay import ReplayOptions, settings_for
+
+        with output.progress(f"localise {recording}") as progress:
+            configured, prior = settings_for(recording, config or (), settings or (), calibration)
+            report = localize(recording, map_path, configured, prior, ReplayOptions(out, rrd=not no_rrd), progress)
+        print_localization(output, out, report)
 
 
 def simulate(

@@ -46,8 +46,7 @@ class Counters:
             case Warned():
                 self.warn(event.text)
             case StateChanged():
-                change = {"stamp": event.stamp_ns / SECOND_NS, "state": event.state.value, "reason": event.reason}
-                self._status_changes.append(change)
+                self._status_changes.append(_change(event))
 
     @property
     def warnings(self) -> list[str]:
@@ -57,7 +56,7 @@ class Counters:
 
     @property
     def status_changes(self) -> list[dict[str, Any]]:
-        """The newest `MOST_CHANGES` changes of state: stamp (s), state, reason."""
+        """The newest `MOST_CHANGES` changes of state: stamp (s), state, reason, failure category."""
         return list(self._status_changes)
 
     def warn(self, text: str) -> None:
@@ -78,3 +77,12 @@ class Counters:
         counts = self.dropped.setdefault(topic, Counter())
         counts[str(reason)] += 1
         self.drops += 1
+
+
+def _change(event: StateChanged) -> dict[str, Any]:
+    return {
+        "stamp": event.stamp_ns / SECOND_NS,
+        "state": event.state.value,
+        "reason": event.reason,
+        "failure_category": event.failure_category.value,
+    }

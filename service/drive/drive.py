@@ -5,6 +5,7 @@ from typing import Any
 
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GraphUpdated, PosePublished, Verdict, Warned
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import LaserScan, Measurement, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
@@ -19,15 +20,20 @@ from wayfi.service.drive.unused_streams import UnusedStreams
 
 
 class Drive:
-    """Decodes and processes messages in their order; no content of a message makes it raise."""
+    """Decodes and processes messages in their order; no content of a message makes it raise.
 
-    def __init__(self, config: Config, calibration: Calibration | None, log: Log) -> None:
+    It makes a map, or localises in `known` if that is given.
+    """
+
+    def __init__(
+        self, config: Config, calibration: Calibration | None, log: Log, known: BuildingMap | None = None
+    ) -> None:
         self.config = config
         self.topics = config.recording.topics
         self.counters = Counters(self.topics)
         self.unused = UnusedStreams(self.topics)
         self.timer = StageTimer()
-        self.pipeline = Pipeline(config, calibration, self.timer)
+        self.pipeline = Pipeline(config, calibration, self.timer, known)
         self.log = log
 
     def __getstate__(self) -> dict[str, Any]:

@@ -45,10 +45,23 @@ def write_results(
     extra: Mapping[str, Any] | None = None,
     saver: MapSaver | None = None,
 ) -> dict[str, Any]:
+<<<<<<< HEAD
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError, MapError.
 
     `saver` saves the map, where it has done so on the way.
     """
+=======
+    """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError."""
+    with drive.timer("files"):
+        save_map(directory / "map", estimate.building, drive.config.map)
+    return write_results_in_map(directory, drive, estimate, source, extra)
+
+
+def write_results_in_map(
+    directory: Path, drive: Drive, estimate: DriveEstimate, source: Source, extra: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write every file but the saved map, as of a drive in a map that stays as it was; returns as `write_results`."""
+>>>>>>> be9aed3 (wayfi localize: a recording in a saved map, which stays as it is; only claimed poses, the states, and a log of the hypotheses)
     building = estimate.building
     with drive.timer("files"):
         _write_estimate(directory, estimate)
@@ -57,7 +70,10 @@ def write_results(
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
+<<<<<<< HEAD
         (saver or MapSaver(directory / MAP, drive.config.map)).save(building)
+=======
+>>>>>>> be9aed3 (wayfi localize: a recording in a saved map, which stays as it is; only claimed poses, the states, and a log of the hypotheses)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report

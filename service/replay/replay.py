@@ -76,20 +76,39 @@ def replay(
     The results in `options.out` are either all of this replay or, where it raises, those that were there before. Raises
     ResultError where they cannot be written.
     """
+
+    def begin(recording: Recording, config: Config, log: Log) -> Replayer:
+        return replayer_of(recording, config, calibration, log)
+
+    return play_to_results(recording_path, config, options, begin, write_results, progress)
+
+
+def play_to_results(
+    recording_path: Path,
+    config: Config,
+    options: ReplayOptions,
+    begin: Callable[[Recording, Config, Log], Replayer],
+    write: Callable[[Path, Drive, DriveEstimate, Source], dict[str, Any]],
+    progress: Progress,
+) -> dict[str, Any]:
+    """Play a recording into what `begin` returns, and `write` what comes of it; returns what `write` does.
+
+    Raises as `replay` does.
+    """
     start = time.perf_counter()
     recording = open_any_recording(recording_path)
     config, sought = with_found_topics(config, recording)
     with _result_folder(options.out, recording) as folder:
         sha256 = recording.sha256()
-        replayer = replayer_of(recording, config, calibration, _open_log(config, options.rrd, folder.log, sha256[:16]))
+        replayer = begin(recording, config, _open_log(config, options.rrd, folder.log, sha256[:16]))
         playback = PlaybackRate(options.rate)
         result = _run(recording, replayer, playback, progress)
-        if len(result.stamps_ns) == 0 or _stands_still(result, replayer.drive):
+        if _never_began(result, replayer.drive) or _stands_still(result, replayer.drive):
             raise ReplayError(_nothing_usable(recording_path, replayer.drive, sought, replayer.unused))
         warnings = recording.warnings + sought + playback.warnings
         warnings += [f"{topic}: not used: {why}" for topic, why in replayer.unused.items()]
         source = Source(time.perf_counter() - start, playback.played_s, sha256, warnings)
-        return write_results(folder.staged, replayer.drive, result, source)
+        return write(folder.staged, replayer.drive, result, source)
 
 
 def _result_folder(out: Path, recording: Recording) -> ResultFolder:
@@ -137,6 +156,11 @@ def _open_log(config: Config, rrd: bool, path: Path, recording_id: str) -> Log:
     if rrd and config.rerun.enabled:
         return LogProcess(Part(config.rerun, path, recording_id))
     return NullLog()
+
+
+def _never_began(result: DriveEstimate, drive: Drive) -> bool:
+    """Whether no message has moved the robot; without poses it may still have moved, unknown where in its map."""
+    return len(result.stamps_ns) == 0 and drive.pipeline.stamp_ns == 0
 
 
 def _stands_still(result: DriveEstimate, drive: Drive) -> bool:

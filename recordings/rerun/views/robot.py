@@ -5,7 +5,7 @@ import rerun as rr
 
 from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.events import KeyframeAdded, PosePublished
+from wayfi.frontends.events import KeyframeAdded, PosePublished, StateChanged
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.stream import Limiter, RerunStream, transform
@@ -30,21 +30,37 @@ class RobotView:
         self._strip: list[tuple[float, float]] = []
         self._strips = -1
         self._state: State | None = None
+        self._shown = False
         self._log_style()
 
     def handlers(self) -> Handlers:
         """The method that draws each kind of event."""
-        return {PosePublished: self.on_pose, KeyframeAdded: self.on_keyframe}
+        return {PosePublished: self.on_pose, KeyframeAdded: self.on_keyframe, StateChanged: self.on_state}
 
     def on_pose(self, event: PosePublished) -> None:
         """Move the robot, and its ellipse half as often."""
         if self._T_map_odom_first is None:
             self._T_map_odom_first = event.T_map_odom
         self._T_odom_base = event.T_odom_base
-        if self._pose_limit.passes(event.stamp_ns):
+        again = not self._shown
+        if again:
+            self._show()
+        if self._pose_limit.passes(event.stamp_ns) or again:
             self._stream.log("/map/robot", transform(event.T_map_base))
         if self._ellipse_limit.passes(event.stamp_ns) or event.state != self._state:
             self._draw_ellipse(event)
+
+    def on_state(self, event: StateChanged) -> None:
+        """Hide the robot while its pose is not known; the next pose shows it again."""
+        if event.state in (State.RELOCALISING, State.LOST):
+            for entity in ("/map/robot/arrow", "/map/ellipse/outline"):
+                self._stream.log(entity, rr.LineStrips2D.from_fields(strips=arrows.strips([])))
+            self._shown, self._state = False, None
+
+    def _show(self) -> None:
+        self._stream.log("/map/robot/arrow", rr.LineStrips2D.from_fields(strips=arrows.strips([ARROW])))
+        self._stream.log("/map/ellipse/outline", rr.LineStrips2D.from_fields(strips=arrows.strips([CIRCLE])))
+        self._shown = True
 
     def on_keyframe(self, event: KeyframeAdded) -> None:  # noqa: ARG002 - only its time matters
         """Add the current pose of raw odometry to its path."""
@@ -74,14 +90,18 @@ class RobotView:
             self._stream.log("/map/ellipse/outline", rr.LineStrips2D.from_fields(colors=[STATE[event.state]]))
 
     def _log_style(self) -> None:
-        arrow = rr.LineStrips2D([ARROW], colors=[ESTIMATE], radii=[screen_radius(2.0)], draw_order=21.0)
+        arrow = rr.LineStrips2D.from_fields(colors=[ESTIMATE], radii=[screen_radius(2.0)], draw_order=21.0)
         self._stream.log_static("/map/robot/arrow", arrow)
-        angles = np.linspace(0, 2 * np.pi, 49)
-        circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._stream.log_static(
-            "/map/ellipse/outline",
-            rr.LineStrips2D.from_fields(strips=[circle], radii=[screen_radius(1.5)], draw_order=20.0),
-        )
+        outline = rr.LineStrips2D.from_fields(radii=[screen_radius(1.5)], draw_order=20.0)
+        self._stream.log_static("/map/ellipse/outline", outline)
+
+
+def _circle() -> Floats:
+    angles = np.linspace(0, 2 * np.pi, 49)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+CIRCLE = _circle()
 
 
 def _finite(covariance: Floats) -> Floats:
