@@ -35,7 +35,7 @@ WALLS = np.concatenate(
         _wall(6.0, 0.0, 6.0, 6.0, (0.35, 0.55)),
         _wall(13.0, 0.0, 13.0, 6.0),
         _wall(20.0, 0.0, 20.0, 6.0),
-        _wall(0.0, 9.0, WIDTH_M, 9.0, (0.432, 0.492), (0.59, 0.64), (0.90, 0.95)),  # and above it; the first: elevator
+        _wall(0.0, 9.0, WIDTH_M, 9.0, (0.431, 0.492), (0.59, 0.64), (0.90, 0.95)),  # and above it; the first: elevator
         _wall(14.0, 9.0, 14.0, DEPTH_M),
         _wall(5.0, 9.0, 5.0, DEPTH_M),
         _wall(11.2, 9.0, 11.2, 11.0),
@@ -83,6 +83,30 @@ class Storey:
 def storey(seed: int = 0) -> Storey:
     """The storey, with furniture and access points by the seed; the elevator is closed."""
     return Storey(WALLS, furniture(seed), _radio(seed)).with_elevator_closed(EVER)
+
+
+TWIN_ROUTE = (
+    *((3.0, 3.0), (8.0, 3.0), (8.0, 7.0), (3.0, 7.0), (3.0, 3.0), (8.0, 3.0), (8.0, 10.5), (38.0, 10.5), (38.0, 3.0)),
+    *((33.0, 3.0), (33.0, 7.0), (38.0, 7.0), (38.0, 10.5), (8.0, 10.5), (8.0, 7.0)),
+)
+
+
+def twin_halls() -> Storey:
+    """Two halls with the same walls and furniture, 30 m apart, on one corridor."""
+    hall = np.concatenate(
+        [
+            np.array([[0.0, 9.0, 0.0, 0.0], [0.0, 0.0, 11.0, 0.0], [11.0, 0.0, 11.0, 9.0]]),
+            _wall(0.0, 9.0, 11.0, 9.0, (0.66, 0.80)),
+            box(4.5, 4.0, 6.5, 5.0),
+            box(0.4, 0.4, 1.2, 2.4),
+            box(9.6, 0.3, 10.7, 0.9),
+        ]
+    )
+    other = hall + np.array([30.0, 0.0, 30.0, 0.0])
+    corridor = np.array(
+        [[0.0, 12.0, 41.0, 12.0], [0.0, 9.0, 0.0, 12.0], [41.0, 9.0, 41.0, 12.0], [11.0, 9.0, 30.0, 9.0]]
+    )
+    return Storey(np.concatenate([hall, other, corridor]), np.zeros((0, 4)), _radio(4))
 
 
 def another_building(seed: int = 0) -> Storey:
