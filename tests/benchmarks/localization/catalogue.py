@@ -72,6 +72,6 @@ def _changed() -> Iterator[Measurable]:
         yield another_day(world, 34, "--hard-wifi")
 
 
-def chosen(only: Sequence[str]) -> Iterator[Measurable]:
-    """The experiments with all of `only` in their names."""
-    return (e for e in _experiments() if all(word in e.name for word in only))
+def chosen(only: Sequence[str], exact: Sequence[str] = ()) -> Iterator[Measurable]:
+    """The experiments with all of `only` in their names; of these the ones named in `exact`, if there are any."""
+    return (e for e in _experiments() if all(word in e.name for word in only) and (not exact or e.name in exact))

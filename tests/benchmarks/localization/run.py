@@ -1,6 +1,6 @@
 """Localisation in known maps, as a table: found how often and how soon, and what was claimed falsely.
 
-    python tests/benchmarks/localization/run.py [--only WORD ...] [--starts N] [--seed N] [--kept DIR] [--json FILE]
+    python tests/benchmarks/localization/run.py [--only WORD ...] [--exact NAME ...] [--starts N] [--seed N] [--kept DIR] [--json FILE]
         [--picture NAME ...]
 
 An experiment has all of --only in its name. Maps and drives are made once, into DIR. Of every run --json gets a line;
@@ -54,6 +54,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], help="words that an experiment has in its name")
+    parser.add_argument("--exact", nargs="*", default=[], help="names of experiments")
     parser.add_argument("--starts", type=int, default=100, help="of each experiment")
     parser.add_argument("--seed", type=int, default=0, help="of the random starts")
     parser.add_argument("--kept", type=Path, default=KEPT, help="folder for drives and maps")
@@ -61,7 +62,7 @@ def main() -> None:
     parser.add_argument("--picture", nargs="*", default=[], help="parts of names of runs")
     arguments = parser.parse_args()
     say(f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}")
-    for experiment in chosen(arguments.only):
+    for experiment in chosen(arguments.only, arguments.exact):
         say(f"| {' | '.join(measured(experiment, arguments))} |")
 
 
