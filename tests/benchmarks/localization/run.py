@@ -1,7 +1,7 @@
 """Localisation in known maps, as a table: found how often and how soon, and what was claimed falsely.
 
-    python tests/benchmarks/localization/run.py [--only WORD ...] [--exact NAME ...] [--starts N] [--seed N] [--kept DIR] [--json FILE]
-        [--picture NAME ...]
+    python tests/benchmarks/localization/run.py [--only WORD ...] [--exact NAME ...] [--starts N] [--seed N]
+        [--kept DIR] [--json FILE] [--picture NAME ...]
 
 An experiment has all of --only in its name. Maps and drives are made once, into DIR. Of every run --json gets a line;
 --picture draws those with one of NAME in their name (`#3` is the fourth start) into DIR/pictures. Maps are never

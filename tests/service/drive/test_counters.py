@@ -1,6 +1,6 @@
 """The counters stay small over weeks."""
 
-from wayfi.backend.graph.health import State
+from wayfi.backend.graph.health import FailureCategory, State
 from wayfi.frontends.events import StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
 from wayfi.service.drive.counters import MOST_CHANGES, MOST_TEXT, MOST_WARNINGS, Counters
@@ -30,4 +30,12 @@ def test_the_newest_changes_of_state_are_kept() -> None:
         counters.count(StateChanged(0, State.LOST, f"reason {number}"))
     assert [change["reason"] for change in counters.status_changes] == [
         f"reason {n}" for n in range(3, MOST_CHANGES + 3)
+    ]
+
+
+def test_a_change_of_state_is_told_with_its_reason_and_category() -> None:
+    counters = Counters(TOPICS)
+    counters.count(StateChanged(1_500_000_000, State.LOST, "walls are gone", FailureCategory.MAP_CONTRADICTED))
+    assert counters.status_changes == [
+        {"stamp": 1.5, "state": "LOST", "reason": "walls are gone", "failure_category": "map_contradicted"}
     ]
