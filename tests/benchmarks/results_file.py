@@ -11,7 +11,11 @@ from cases import CASES, ROOT
 from figures import COLUMNS, median_title
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
-NEWEST, PEERS = "newest figures", "beside the peers"  # sections between <!-- name --> and <!-- end of name -->
+NEWEST, PEERS, LOCALISATION = (
+    "newest figures",
+    "beside the peers",
+    "localisation",
+)  # sections between <!-- name --> and <!-- end of name -->
 MEASURED = "measured"
 
 
@@ -37,16 +41,28 @@ def commit() -> str:
     return subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
 
 
+def renew_section(name: str, columns: Sequence[str], rows: Sequence[list[str]], commit: str) -> None:
+    """Put rows into the table of a section, in the place of those of the same name, or behind the others."""
+    text = RESULTS.read_text()
+    kept = {cells[0]: cells for cells in _cells_of(_section(text, name))[2:]}
+    kept |= {cells[0]: [*cells, _when(commit)] for cells in rows}
+    RESULTS.write_text(_replaced(text, name, table([*columns, MEASURED], list(kept.values()))))
+
+
 def renew(rows: Sequence[list[str]], commit: str) -> None:
     """Put rows of `COLUMNS` in the place of those of the same recordings, and renew the table beside the peers."""
     text = RESULTS.read_text()
     columns = [*COLUMNS, MEASURED]
     newest = {cells[0]: cells for cells in _cells_of(_section(text, NEWEST))[2:]}
-    newest |= {cells[0]: [*cells, f"{datetime.now(UTC):%Y-%m-%d} {commit}"] for cells in rows}
+    newest |= {cells[0]: [*cells, _when(commit)] for cells in rows}
     ordered = sorted(newest.values(), key=lambda cells: _place(cells[0]))
     named = {cells[0]: dict(zip(columns, cells, strict=True)) for cells in ordered}
     text = _replaced(text, NEWEST, table(columns, ordered))
     RESULTS.write_text(_replaced(text, PEERS, table(peers.COLUMNS, peers.beside(named))))
+
+
+def _when(commit: str) -> str:
+    return f"{datetime.now(UTC):%Y-%m-%d} {commit}"
 
 
 def _place(title: str) -> int:

@@ -1,11 +1,11 @@
 """Localisation in known maps, as a table: found how often and how soon, and what was claimed falsely.
 
     python tests/benchmarks/localization/run.py [--only WORD ...] [--exact NAME ...] [--starts N] [--seed N]
-        [--kept DIR] [--json FILE] [--picture NAME ...]
+        [--kept DIR] [--json FILE] [--picture NAME ...] [--write]
 
 An experiment has all of --only in its name. Maps and drives are made once, into DIR. Of every run --json gets a line;
---picture draws those with one of NAME in their name (`#3` is the fourth start) into DIR/pictures. Maps are never
-localised in by the recording that made them; truth is for scoring alone.
+--picture draws those with one of NAME in their name (`#3` is the fourth start) into DIR/pictures. --write puts the rows
+into RESULTS.md. Maps are never localised in by the recording that made them; truth is for scoring alone.
 """
 
 import argparse
@@ -14,12 +14,14 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.localization.catalogue import Measurable, chosen
 from benchmarks.localization.drives import KEPT
 from benchmarks.localization.experiments import Result
 from benchmarks.localization.figures import COLUMNS, cells
 from benchmarks.localization.localizers import localizer
 from benchmarks.localization.picture import draw
+from results_file import LOCALISATION, commit, renew_section, row, say
 
 
 def measured(experiment: Measurable, arguments: argparse.Namespace) -> list[str]:
@@ -44,12 +46,6 @@ def line_of(result: Result) -> dict[str, object]:
     return {"run": result.name} | result.score.to_dict() | times | {"states": states}
 
 
-def say(line: str) -> None:
-    """Show a line at once."""
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -60,10 +56,16 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=KEPT, help="folder for drives and maps")
     parser.add_argument("--json", type=Path, help="file that gets a line for each run")
     parser.add_argument("--picture", nargs="*", default=[], help="parts of names of runs")
+    parser.add_argument("--write", action="store_true", help="put the figures into RESULTS.md")
     arguments = parser.parse_args()
-    say(f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}")
+    measured_at = commit()
+    say(row(COLUMNS))
+    say(row(["---"] * len(COLUMNS)))
     for experiment in chosen(arguments.only, arguments.exact):
-        say(f"| {' | '.join(measured(experiment, arguments))} |")
+        cells_of_it = measured(experiment, arguments)
+        say(row(cells_of_it))
+        if arguments.write:
+            renew_section(LOCALISATION, COLUMNS, [cells_of_it], measured_at)
 
 
 if __name__ == "__main__":
