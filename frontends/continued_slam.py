@@ -11,6 +11,7 @@ from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.continuing import MapFix
+from wayfi.frontends.maps.pruning import pruned
 from wayfi.frontends.maps.selecting import alone
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
@@ -77,14 +78,19 @@ class ContinuedSlam(SlamCore):
         return [*events, *self.join(stamp_ns, [self._fix(found.keyframe, found.T_map_base, found.covariance)])]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
-        """Close the last loops and draw the grid; the drive is a map of its own if the robot was not found."""
+        """Close the last loops, and leave out of the map what the drive has only repeated.
+
+        If the robot was not found, the drive is a map of its own.
+        """
         result, events = super().finish(trajectories)
         if self._finding is None or not self.keyframe_count:
-            return result, events
+            kept = pruned(result.building, self._config.pruning, self._config.lidar.visibility, self._config.map)
+            return replace(result, building=kept), events
         T = Pose2.of(result.building.poses[self.keyframes.first]).inverse()
         building = alone(result.building, self.keyframes.first, self._config.map)
         told = Warned(int(result.stamps_ns[-1]), "the robot was not found in the map: the drive is a map of its own")
-        return replace(result, final=compose_all(T.array(), result.final), building=building), [*events, told]
+        final = compose_all(T.array(), result.final)
+        return replace(result, final=final, building=building, is_separate=True), [*events, told]
 
     def _fix(self, keyframe: int, T_map_base: Pose2, covariance: Floats) -> MapFix:
         """The pose that was found of a keyframe of the drive, in the nearest keyframe of the map."""

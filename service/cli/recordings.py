@@ -36,6 +36,9 @@ def replay(
     recording: RecordingPath,
     out: Annotated[Path, typer.Option(help="Folder for the results; made if need be.")],
     rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "max",
+    known_map: Annotated[
+        Path | None, typer.Option("--map", help="Go on with this saved map: its folder, or results with one.")
+    ] = None,
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave session.rrd out.")] = False,
     config: Files = None,
     settings: Settings = None,
@@ -48,7 +51,7 @@ def replay(
         from wayfi.service.cli.summaries import print_replay
         from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 
-        options = ReplayOptions(out, playback_rate(rate), not no_rrd)
+        options = ReplayOptions(out, playback_rate(rate), not no_rrd, known_map)
         with output.progress(f"replay {recording}") as progress:
             configured, prior = settings_for(recording, config or (), settings or (), calibration)
             report = replay(recording, configured, prior, options, progress)
