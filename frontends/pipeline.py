@@ -6,7 +6,6 @@ import numpy as np
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.estimation_core import estimation_core
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose, PoseIntake
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
@@ -28,6 +27,7 @@ from wayfi.frontends.measurements import (
     Sweep,
     WifiScan,
 )
+from wayfi.frontends.modes.estimation_core import estimation_core
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate, EstimateSchedule

@@ -8,11 +8,11 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, covaria
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event, StateChanged, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose
-from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.maps.pruning import pruned
 from wayfi.frontends.maps.selecting import alone
+from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
