@@ -75,7 +75,18 @@ class ContinuedSlam(SlamCore):
         if found is None:
             return events
         self._finding = None
-        return [*events, *self.join(stamp_ns, [self._fix(found.keyframe, found.T_map_base, found.covariance)])]
+        return [*events, *self._join(stamp_ns, self._fix(found.keyframe, found.T_map_base, found.covariance))]
+
+    def _join(self, stamp_ns: int, fix: MapFix) -> list[Event]:
+        """Move the drive to where it was found in the map."""
+        keyframes, poses = self.keyframes, self.poses.copy()
+        T = Pose2.of(poses[fix.a]) @ fix.T_a_b @ Pose2.of(poses[fix.b]).inverse()
+        poses[keyframes.first :] = compose_all(T.array(), poses[keyframes.first :])
+        keyframes.join(fix.a)
+        judged = self._lidar_closer.enter_fix(fix)
+        self._graph.restart(self._graph.calibrations(), poses)
+        self._graph.settle()
+        return [judged, *self._estimate.update(stamp_ns, moved=True)]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops, and leave out of the map what the drive has only repeated.

@@ -51,6 +51,9 @@ class EstimationCore(Protocol):
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Add a pose from outside."""
 
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Take an accepted closure out of the estimate, or put a vetoed one back. Raises VetoError."""
+
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""
 
