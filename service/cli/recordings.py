@@ -126,8 +126,18 @@ def inspect(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Show what a recording holds, what is wrong with it, and what to type next; exit 1 where it cannot be used."""
+    """Show what a recording holds, what is wrong with it, and what to type next; exit 1 where it cannot be used.
+
+    Of a saved map, or of results with one: what it holds, and whether it is whole.
+    """
     with command_output(quiet, as_json) as output:
+        from wayfi.service.maps.describing import describe, is_map
+
+        if is_map(recording):
+            from wayfi.service.cli.summaries import print_map
+
+            print_map(output, describe(recording))
+            return
         from wayfi.service.cli.summaries import print_diagnosis
         from wayfi.service.replay.diagnosis import diagnose
         from wayfi.service.replay.replay import settings_for
