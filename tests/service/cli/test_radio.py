@@ -16,7 +16,7 @@ NAME = "a0:00:00:00:00:01"
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a map in it, as a replay leaves it."""
     chance, xy, folder = np.random.default_rng(1), rounds(1), tmp_path_factory.mktemp("replay")
-    levels = {NAME: level_of([5, 5], xy, chance), "a0:00:00:00:99:01": np.full(len(xy), -40.0)}
+    levels = {NAME: level_of([10, 1], xy, chance), "a0:00:00:00:99:01": np.full(len(xy), -40.0)}
     save_map(folder / "map", heard_map(xy, levels, chance))
     return folder
 
