@@ -63,5 +63,7 @@ class Follower:
         if distance_m > FAR_M or not hypothesis.is_new_place(claim):
             return 0
         fix = self._matcher.fix(scan, self._places.place(number), T, hypothesis.covariance)
+        if hypothesis.is_new:
+            hypothesis.open_along(fix, self._config.proposals.open_sigma_m)
         hypothesis.update(fix, track.point(hypothesis.keyframe).path_m, claim)
         return 1

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.localization.local_track import KEPT, LocalTrack, moved_covariance
 from wayfi.frontends.localization.localization_config import ClaimConfig
-from wayfi.frontends.localization.map_matching import Agreement, Fix
+from wayfi.frontends.localization.map_matching import Agreement, Fix, error
 
 SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
@@ -18,9 +17,9 @@ SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 class Hypothesis:
     """The robot is at `T_map_base` at the local `keyframe`, with (3, 3) covariance in `map`.
 
-    `evidence` (nats) sums what its fixes lack of a perfect fit. `proposed` searches found it. `agreed` fixes in a row agree, over `agreed_m` of
-    path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the map. Only fixes at other
-    places than the one before count.
+    `evidence` (nats) sums what its fixes lack of a perfect fit; `proposed` searches found it. `agreed` fixes in a row
+    agree, over `agreed_m` of path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the
+    map. Only fixes at other places than the one before count.
     """
 
     T_map_base: Pose2
@@ -41,6 +40,11 @@ class Hypothesis:
         """The path (m) along which the last fixes agreed."""
         return self.agreed_to_m - self.agreed_from_m if self.agreed else 0.0
 
+    @property
+    def is_new(self) -> bool:
+        """Whether no scan has been compared yet, or none since it was doubted."""
+        return self._counted_at is None
+
     def evidence_at(self, keyframe: int) -> float | None:
         """The evidence (nats) up to an earlier keyframe; None where it is not known any more."""
         return next((evidence for k, evidence in reversed(self._history) if k <= keyframe), None)
@@ -49,11 +53,6 @@ class Hypothesis:
         """Whether a fix here is independent of the last one that counted."""
         return self._counted_at is None or _apart_m(self._counted_at, self.T_map_base) >= config.apart_m
 
-    def is_sharp(self, config: ClaimConfig) -> bool:
-        """Whether the pose is known well enough to be claimed."""
-        sigma_rad = float(np.sqrt(self.covariance[2, 2]))
-        return position_sigma(self.covariance) <= config.max_sigma_m and sigma_rad <= config.max_sigma_rad
-
     def move_to_next(self, track: LocalTrack) -> None:
         """Move along the local track to the next keyframe."""
         step = track.step_to(self.keyframe + 1)
@@ -61,6 +60,12 @@ class Hypothesis:
         self.T_map_base = self.T_map_base @ step.pose
         self._history.append((self.keyframe, self.evidence))
         self.keyframe += 1
+
+    def open_along(self, fix: Fix, sigma_m: float) -> None:
+        """Leave the place open to `sigma_m` along walls that do so: the place found there was one of many."""
+        eigenvalues, directions = np.linalg.eigh(fix.covariance[:2, :2])
+        if eigenvalues[1] > sigma_m**2:
+            self.covariance[:2, :2] += sigma_m**2 * np.outer(directions[:, 1], directions[:, 1])
 
     def doubt(self) -> None:
         """The robot may have been moved: what agreed before says nothing of now."""
@@ -89,7 +94,7 @@ class Hypothesis:
     def _correct(self, fix: Fix) -> None:
         """Kalman update by a fix."""
         T, C = self.T_map_base, self.covariance
-        e = np.array([fix.T_map_base.x - T.x, fix.T_map_base.y - T.y, wrap(fix.T_map_base.theta - T.theta)])
+        e = error(T, fix.T_map_base)
         gain = C @ np.linalg.inv(C + fix.covariance)
         updated = C - gain @ C
         self.T_map_base, self.covariance = Pose2.of(T.array() + gain @ e), 0.5 * (updated + updated.T)

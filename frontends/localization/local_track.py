@@ -78,7 +78,8 @@ class LocalTrack:
         return self._keyframes.newest.point.motion_to(point)
 
     def between(self, a: int, b: int) -> Pose2:
-        """T_a_b of two keyframes that are kept."""
+        """T_a_b of two keyframes that are kept; the oldest stands for those before."""
+        a = max(a, self._dropped)
         poses = self._poses
         return Pose2.of(poses[a - self._dropped]).between(Pose2.of(poses[b - self._dropped]))
 

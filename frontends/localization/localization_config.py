@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from wayfi.backend.options import option
 from wayfi.frontends.localization.search_config import MapSearchConfig
+from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class ProposalConfig:
     wifi_places: int = option(6, "", "searched at most")
     sigma_m: float = option(0.15, "m", "of a place found: the cells compared are 0.2 m wide")
     sigma_rad: float = option(0.03, "rad", "as above")
+    open_sigma_m: float = option(0.5, "m", "along walls that leave a place found open: places found are 1 m apart")
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,12 @@ class ClaimConfig:
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
     searches: int = option(4, "", "that find the place, where each has left out places that look as much alike")
-    max_sigma_m: float = option(0.3, "m", "of the position: between walls that leave it open it is not found yet")
-    max_sigma_rad: float = option(0.05, "rad", "as above")
+    searches_with_wifi: int = option(2, "", "the same where WiFi tells which part of the map is searched")
+    cluster_m: float = option(4.0, "m", "hypotheses of one heading this near to the best are one place, less sharp")
+    cluster_rad: float = option(0.15, "rad", "as above")
+    sharp_m: float = option(0.3, "m", "sigma of the position: between walls that leave it open it is UNCERTAIN")
+    sharp_rad: float = option(0.05, "rad", "as above")
+    max_sigma_m: float = option(2.0, "m", "of the position with WiFi, where walls leave it open: more is no claim")
     most_below_best: float = option(4.0, "nats", "that WiFi may put a place below its best one: more contradicts")
     drop_gain: float = option(12.0, "nats", "by which a hypothesis is worse than the best one and is dropped")
     drop_fixes: int = option(3, "", "in a row that contradict the map: the hypothesis is dropped")
@@ -84,6 +90,7 @@ class LocalizationConfig:
     compared: int = option(8, "scans", "with the map in one message: 25 ms")
     places: MapPlacesConfig = field(default_factory=MapPlacesConfig)
     fix: FixConfig = field(default_factory=FixConfig)
+    wifi: WifiBeliefConfig = field(default_factory=WifiBeliefConfig)
     search: MapSearchConfig = field(default_factory=MapSearchConfig)
     proposals: ProposalConfig = field(default_factory=ProposalConfig)
     claim: ClaimConfig = field(default_factory=ClaimConfig)

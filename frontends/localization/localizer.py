@@ -1,15 +1,18 @@
 """Localisation in a map: proposes places, follows hypotheses, and claims one when independent evidence confirms it."""
 
+import numpy as np
+
 from wayfi.backend.graph.health import FailureCategory, Health, State
 from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.localization.claims import judge_claim, score, why_not_confirmed
+from wayfi.frontends.localization.claims import judge_claim, why_not_confirmed
+from wayfi.frontends.localization.cluster import Cluster, cluster_of, score
 from wayfi.frontends.localization.follower import Follower
 from wayfi.frontends.localization.hypotheses import Hypothesis, is_same
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.localization.proposals import Proposals, Proposed
-from wayfi.frontends.localization.wifi_stand_in import WifiStandIn
+from wayfi.frontends.localization.wifi_belief import WifiBelief
 from wayfi.frontends.localization.wifi_support import WifiSupport
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.wifi.readings import Readings
@@ -28,12 +31,21 @@ class Localizer:
         self._track, self._config = track, config
         self._follower = Follower(building, track, lidar, config)
         self._proposals = Proposals(building, track, lidar, config)
-        self._belief = WifiStandIn(building)
+        self._belief = WifiBelief(building, config.wifi)
         self._wifi = WifiSupport(())
         self._hypotheses: list[Hypothesis] = []
         self._elsewhere = 0
+        self._cluster: Cluster | None = None
         self.claimed: Hypothesis | None = None
         self.health = NOT_YET
+
+    def pose(self) -> tuple[int, Pose2, Floats] | None:
+        """The local keyframe, the pose in `map` and its (3, 3) covariance that are claimed; None while none are."""
+        if self.claimed is None:
+            return None
+        cluster = self._cluster
+        assert cluster is not None
+        return cluster.keyframe, cluster.T_map_base, cluster.covariance
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -65,7 +77,6 @@ class Localizer:
         config, T = self._config.claim, self.claimed.T_map_base
         apart = self._wifi.nats(T) < -config.wifi_below_best and self._wifi.metres(T) > config.wifi_apart_m
         self._elsewhere = self._elsewhere + 1 if apart else 0
-        self._judge_claim()
 
     def add_initial(self, T_map_base: Pose2, covariance: Floats) -> None:
         """Follow a pose that was given from outside as one more hypothesis."""
@@ -76,6 +87,7 @@ class Localizer:
         """Claim a pose at the newest keyframe that was claimed by others, who knew the map, until now."""
         self.claimed = Hypothesis(T_map_base, covariance, self._track.newest)
         self._hypotheses.append(self.claimed)
+        self._cluster = cluster_of(self._hypotheses, self._track, self._wifi, self._config.claim, self.claimed)
         self.health = Health(State.TRACKING, "the pose was known before the mode was changed")
 
     def go_on(self) -> None:
@@ -85,11 +97,14 @@ class Localizer:
         left = self._config.compared
         for hypothesis in sorted(self._hypotheses, key=lambda h: -h.evidence):
             left -= self._follower.catch_up(hypothesis, left)
-        if left == self._config.compared and (self.claimed is None or self._proposals.running):
+        sought = self.claimed is None or self.health.failure_category is FailureCategory.POSE_IMPRECISE
+        if left == self._config.compared and (sought or self._proposals.running):
             self._search()
+        self._drop()
         if self.claimed is None:
-            self._drop()
             self._judge()
+        else:
+            self._judge_claim()
 
     def _search(self) -> None:
         if self._proposals.running or self._proposals.begin(self._wifi):
@@ -117,31 +132,37 @@ class Localizer:
     def _drop(self) -> None:
         """Drop the hypotheses that the laser contradicts, that are far worse than the best, or another one by now."""
         config = self._config.claim
-        ordered = sorted(self._hypotheses, key=lambda h: -score(h, self._wifi))
-        seasoned = [h for h in ordered if h.agreed >= config.fixes]
-        least = score(seasoned[0], self._wifi) - config.drop_gain if seasoned else -float("inf")
+        ordered = sorted(self._hypotheses, key=lambda h: (h is not self.claimed, -score(h, self._wifi)))
+        seasoned = [score(h, self._wifi) for h in ordered if h.agreed >= config.fixes]
+        least = max(seasoned, default=-np.inf) - config.drop_gain
         kept: list[Hypothesis] = []
         for h in ordered:
             same = any(h.keyframe == k.keyframe and is_same(h.T_map_base, k.T_map_base) for k in kept)
-            if not same and h.contradicted < config.drop_fixes and score(h, self._wifi) >= least:
+            contradicted = h.contradicted >= config.drop_fixes or score(h, self._wifi) < least
+            if h is self.claimed or not (same or contradicted):
                 kept.append(h)
         self._hypotheses = kept[: self._config.most_hypotheses]
 
     def _judge(self) -> None:
-        """Claim the best hypothesis if the evidence confirms it."""
-        if any(h.keyframe < self._track.newest for h in self._hypotheses) or not self._hypotheses:
+        """Claim the best place if the evidence confirms it."""
+        config = self._config.claim
+        cluster = cluster_of(self._hypotheses, self._track, self._wifi, config)
+        if cluster is None:
             return
-        best, *rivals = sorted(self._hypotheses, key=lambda h: -score(h, self._wifi))
-        why_not = why_not_confirmed(best, rivals, self._wifi, self._proposals.complete, self._config.claim)
+        why_not = why_not_confirmed(cluster, self._wifi, self._proposals.complete, config)
         if why_not is None:
-            self.claimed, self._elsewhere = best, 0
-            self.health = Health(State.TRACKING, f"{best.agreed} scans along {best.agreed_m:.1f} m agree with the map")
+            self.claimed, self._cluster, self._elsewhere = cluster.best, cluster, 0
+            self.health = judge_claim(cluster, State.UNCERTAIN, 0, config)
         elif self.health.state is not State.LOST:
             self.health = why_not
 
     def _judge_claim(self) -> None:
+        """Judge the claimed place, whose best hypothesis may be another one by now."""
         assert self.claimed is not None
-        health = judge_claim(self.claimed, self.health.state, self._elsewhere, self._config.claim)
+        self._cluster = cluster_of(self._hypotheses, self._track, self._wifi, self._config.claim, self.claimed)
+        assert self._cluster is not None
+        self.claimed = self._cluster.best
+        health = judge_claim(self._cluster, self.health.state, self._elsewhere, self._config.claim)
         if health.state is State.LOST:
             self._give_up(health)
         self.health = health
@@ -150,5 +171,5 @@ class Localizer:
         """The pose is not claimed any more; its hypothesis stays among the others."""
         assert self.claimed is not None
         self.claimed.doubt()
-        self.claimed, self._elsewhere, self.health = None, 0, health
+        self.claimed, self._cluster, self._elsewhere, self.health = None, None, 0, health
         self._proposals.restart()

@@ -16,6 +16,7 @@ from wayfi.frontends.localization.map_places import Place
 from wayfi.frontends.scan_points import ScanPoints
 
 LOOSE = 1e-4 * np.eye(3)  # information of a sigma of 100 m and 100 rad: a direction that the walls leave open
+AMBIGUOUS_M = 3.0  # sigma of a pose that is one of several in the window searched
 FURNITURE = 0.1  # of the walls in view: what is moved between two days, and says nothing against a pose
 
 
@@ -54,9 +55,11 @@ class MapMatcher:
         T_place_expected = place.T_map_place.between(expected)
         theta = place.T_map_place.theta
         around = covariance_in_b(covariance, theta)
-        result = self._match(scan, place, T_place_expected, around)
+        result, alone = self._match(scan, place, T_place_expected, around)
         fix = self.as_fix(scan, place, result)
-        e = _error(expected, fix.T_map_base)
+        if not alone and np.linalg.eigvalsh(fix.covariance[:2, :2])[-1] < AMBIGUOUS_M**2:
+            fix = replace(fix, covariance=fix.covariance + np.diag([AMBIGUOUS_M**2, AMBIGUOUS_M**2, 0.0]))
+        e = error(expected, fix.T_map_base)
         chi2 = float(e @ np.linalg.solve(covariance + fix.covariance, e))
         if fix.agreement is Agreement.AGREES and chi2 > self._config.chi2:
             return replace(fix, agreement=Agreement.SILENT)
@@ -80,16 +83,18 @@ class MapMatcher:
             return Agreement.CONTRADICTS
         return Agreement.SILENT
 
-    def _match(self, scan: ScanPoints, place: Place, expected: Pose2, covariance: Floats) -> IcpResult:
+    def _match(self, scan: ScanPoints, place: Place, expected: Pose2, covariance: Floats) -> tuple[IcpResult, bool]:
+        """The scan's pose around the expected one, and whether no other one there fits nearly as well."""
         config, no_prior = self._config, np.zeros((3, 3))
         sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
         if sigma_m <= config.search_above_m and covariance[2, 2] <= config.search_above_rad**2:
-            return icp(scan, place.walls, expected, no_prior, self._lidar.icp)
+            return icp(scan, place.walls, expected, no_prior, self._lidar.icp), True
         smallest = (config.min_window_m, config.min_window_rad)
         largest = (config.max_window_m, config.max_window_rad)
         window = SearchWindow.of(covariance, config.chi2, smallest, largest)
         peak = search(scan.points, place.field, expected, window, self._lidar.correlative)
-        return icp(scan, place.walls, peak.pose, no_prior, self._lidar.icp)
+        alone = peak.second_score <= self._lidar.relocation.max_second_peak * peak.score
+        return icp(scan, place.walls, peak.pose, no_prior, self._lidar.icp), alone
 
     def _covariance(self, result: IcpResult) -> Floats:
         """(3, 3) covariance of a result in the axes of its place."""
@@ -98,5 +103,6 @@ class MapMatcher:
         return np.asarray(np.linalg.inv(kept @ result.information @ kept + LOOSE) + floor)
 
 
-def _error(expected: Pose2, found: Pose2) -> Floats:
+def error(expected: Pose2, found: Pose2) -> Floats:
+    """(3,) what a pose found has over the expected one."""
     return np.array([found.x - expected.x, found.y - expected.y, wrap(found.theta - expected.theta)])

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.localization.wifi_stand_in import PlaceBelief
+from wayfi.frontends.localization.wifi_belief import PlaceBelief
 
 LEAST_NATS = -12.0  # beyond, all is equally impossible: WiFi was never seen to be surer and right
-FLOOR_M = 1.0  # added to WiFi's sigma: what a map's fingerprints are spread by
+LEAST = 1e-300  # keeps the logarithm finite
+FLOOR_M = 0.5  # added to WiFi's sigma: what a map's fingerprints are spread by
 
 
 class WifiSupport:
@@ -17,6 +18,10 @@ class WifiSupport:
 
     def __init__(self, places: Sequence[PlaceBelief]) -> None:
         self.places = tuple(places)
+        self._means = np.array([(p.T_map_base.x, p.T_map_base.y) for p in places]).reshape(-1, 2)
+        covariances = np.array([_position(p) for p in places]).reshape(-1, 2, 2)
+        self._information = np.linalg.inv(covariances)
+        self._heights = np.array([p.weight for p in places]) / np.sqrt(np.linalg.det(covariances))
         self._peak = max((self._density(p.T_map_base) for p in places), default=0.0)
 
     @property
@@ -33,20 +38,16 @@ class WifiSupport:
         """The logarithm of the density at a pose over that at WiFi's best place; 0 where WiFi names none."""
         if not self.known:
             return 0.0
-        return max(LEAST_NATS, min(0.0, math.log(max(self._density(T_map_base), 1e-300) / self._peak)))
+        return max(LEAST_NATS, min(0.0, math.log(max(self._density(T_map_base), LEAST) / self._peak)))
 
     def metres(self, T_map_base: Pose2) -> float:
         """The distance from a pose to WiFi's best place, m."""
         return self.places[0].T_map_base.distance(T_map_base) if self.known else 0.0
 
     def _density(self, T: Pose2) -> float:
-        total = 0.0
-        for place in self.places:
-            covariance = _position(place)
-            d = np.array([T.x - place.T_map_base.x, T.y - place.T_map_base.y])
-            chi2 = float(d @ np.linalg.solve(covariance, d))
-            total += place.weight * math.exp(-0.5 * chi2) / math.sqrt(float(np.linalg.det(covariance)))
-        return total
+        d = np.array([T.x, T.y]) - self._means
+        chi2 = np.einsum("ni,nij,nj->n", d, self._information, d)
+        return float(self._heights @ np.exp(-0.5 * chi2))
 
 
 def _position(place: PlaceBelief) -> Floats:

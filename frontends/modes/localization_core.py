@@ -57,12 +57,12 @@ class LocalizationCore:
 
     def anchor(self) -> Anchor | None:
         """The newest keyframe as the anchor of poses since then; None while the pose is not claimed."""
-        claimed, track = self._localizer.claimed, self._track
+        claimed, track = self._localizer.pose(), self._track
         if claimed is None:
             return None
-        state = self._localizer.health.state
-        point, scale = track.point(claimed.keyframe), track.steps.covariance_scale
-        return Anchor(point, claimed.T_map_base, claimed.covariance, track.calibration, scale, state)
+        keyframe, T_map_base, covariance = claimed
+        state, scale = self._localizer.health.state, track.steps.covariance_scale
+        return Anchor(track.point(keyframe), T_map_base, covariance, track.calibration, scale, state)
 
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Follow a pose from outside as one more hypothesis, from the newest keyframe on: evidence decides on it."""

@@ -1,0 +1,87 @@
+"""The best hypotheses that are one place: along walls that leave the place open there are several of one heading."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfi.backend.graph.health import position_sigma
+from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.frontends.localization.hypotheses import Hypothesis
+from wayfi.frontends.localization.local_track import LocalTrack
+from wayfi.frontends.localization.localization_config import ClaimConfig
+from wayfi.frontends.localization.map_matching import error
+from wayfi.frontends.localization.wifi_support import WifiSupport
+
+LAG = 1  # keyframes behind the newest: the scans of all hypotheses are compared over the next messages
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cluster:
+    """The `best` hypothesis, and the mean `T_map_base` and (3, 3) covariance of those that are the same place.
+
+    They are those of the local `keyframe`. `gain` (nats) is their evidence over that of all others, of which `rivals`
+    come within the gain that confirms; `proposed` searches found it.
+    """
+
+    best: Hypothesis
+    keyframe: int
+    T_map_base: Pose2
+    covariance: Floats
+    gain: float
+    rivals: int
+    proposed: int
+
+    def is_sharp(self, config: ClaimConfig, slack: float = 1.0) -> bool:
+        """Whether the pose is known as well as scans tell; `slack` multiplies the bounds."""
+        sigma_rad = math.sqrt(self.covariance[2, 2])
+        return position_sigma(self.covariance) <= slack * config.sharp_m and sigma_rad <= slack * config.sharp_rad
+
+
+def score(hypothesis: Hypothesis, wifi: WifiSupport) -> float:
+    """The evidence (nats) of laser and WiFi for a hypothesis, to compare with that for others."""
+    return hypothesis.evidence + wifi.nats(hypothesis.T_map_base)
+
+
+def cluster_of(
+    hypotheses: Sequence[Hypothesis],
+    track: LocalTrack,
+    wifi: WifiSupport,
+    config: ClaimConfig,
+    best: Hypothesis | None = None,
+) -> Cluster | None:
+    """The cluster around the best of the hypotheses, or of those around a given one, at the track's newest keyframe.
+
+    None if no hypothesis has been tried up to there.
+    Those that have yet to be tried on the way here are rivals with the evidence that they have, which only falls.
+    """
+    tried = [k for k, h in enumerate(hypotheses) if h.keyframe >= track.newest - LAG or h is best]
+    if not tried:
+        return None
+    here = [h.T_map_base @ track.between(h.keyframe, track.newest) for h in hypotheses]
+    scores = np.array([h.evidence + wifi.nats(T) for h, T in zip(hypotheses, here, strict=True)])
+    around = tried if best is None else _near(here, here[hypotheses.index(best)], tried, config)
+    k = max(around, key=lambda i: scores[i])
+    inside = _near(here, here[k], tried, config)
+    near = _near(here, here[k], range(len(here)), config)
+    outside = np.delete(scores, near)
+    total = float(np.logaddexp.reduce(scores[inside]))
+    weights = np.exp(scores[inside] - total)
+    errors = np.array([error(here[k], here[i]) for i in inside])
+    mean = weights @ errors
+    covariance = (errors - mean).T @ (weights[:, None] * (errors - mean))
+    covariance += np.einsum("n,nij->ij", weights, np.array([hypotheses[i].covariance for i in inside]))
+    gain = total - float(np.logaddexp.reduce(outside)) if len(outside) else math.inf
+    rivals = int((scores[k] - outside < config.min_gain).sum())
+    proposed = max(hypotheses[i].proposed for i in inside)
+    return Cluster(hypotheses[k], track.newest, Pose2.of(here[k].array() + mean), covariance, gain, rivals, proposed)
+
+
+def _near(poses: Sequence[Pose2], best: Pose2, numbers: Iterable[int], config: ClaimConfig) -> list[int]:
+    """Those of the `numbers` whose poses are one place with the best one."""
+    return [
+        k
+        for k in numbers
+        if (T := poses[k]).distance(best) < config.cluster_m and abs(wrap(T.theta - best.theta)) < config.cluster_rad
+    ]
