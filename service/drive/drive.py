@@ -7,8 +7,8 @@ from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Dropped, DropReason, Event, GraphUpdated, PosePublished, Verdict, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import LaserScan, Measurement, Sensor
+from wayfi.frontends.modes.switching_pipeline import SwitchingPipeline
 from wayfi.frontends.result import DriveEstimate
-from wayfi.frontends.switching_pipeline import SwitchingPipeline
 from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.map.manifest import MapName
 from wayfi.recordings.ros.codec import decode

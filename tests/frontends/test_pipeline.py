@@ -7,9 +7,9 @@ from drives import Simulated
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, KeyframeAdded, PosePublished, Warned
 from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, Sensor
+from wayfi.frontends.modes.switching_pipeline import SwitchingPipeline
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
-from wayfi.frontends.switching_pipeline import SwitchingPipeline
 from wayfi.service.config import load_config
 
 

@@ -60,7 +60,7 @@ class SwitchingPipeline(Pipeline):
         last, events = super().finish()
         parts = [*self._ended, last]
         stamps_ns = np.concatenate([part.stamps_ns for part in parts])
-        final, online = (np.concatenate([getattr(part, name) for part in parts]) for name in ("final", "online"))
+        final, online = (np.concatenate(poses) for poses in zip(*((p.final, p.online) for p in parts), strict=True))
         return DriveEstimate(stamps_ns, final, online, last.building), events
 
     def _begin_part(self, core: LocalizationCore | ContinuedSlam) -> None:

@@ -1,0 +1,1 @@
+"""Changing what a drive does while it goes on."""
