@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import Event, Warned
+from wayfi.frontends.events import Event, StateChanged, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.modes.continued_slam import ContinuedSlam
 from wayfi.frontends.modes.localization_core import LocalizationCore
@@ -50,11 +50,12 @@ class SwitchingPipeline(Pipeline):
         kind = LocalizationCore if localises else ContinuedSlam
         core = kind(self._config, ended.building.calibration, self._timer, ended.building)
         self._begin_part(core)
-        events += core.add_keyframe(latest, None)
-        if anchor is not None:
-            now = anchor.pose_at(latest, latest.T_path_base, self._config.odometry)
-            events += core.take_over(latest.stamp_ns, now.T_map_base, now.covariance)
-        return events
+        begun = core.add_keyframe(latest, None)
+        if anchor is None:
+            return events + begun
+        now = anchor.pose_at(latest, latest.T_path_base, self._config.odometry)
+        known = core.take_over(latest.stamp_ns, now.T_map_base, now.covariance)
+        return [*events, *(event for event in begun if not isinstance(event, StateChanged)), *known]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive; returns its parts as one, with the map of the last."""

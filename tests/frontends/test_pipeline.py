@@ -5,10 +5,11 @@ import pytest
 from drives import Simulated
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, KeyframeAdded, PosePublished
+from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, KeyframeAdded, PosePublished, Warned
 from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.switching_pipeline import SwitchingPipeline
 from wayfi.service.config import load_config
 
 
@@ -78,3 +79,12 @@ def test_an_initial_pose_of_a_drive_without_a_map_is_dropped_and_changes_nothing
     assert (event.sensor, event.reason, event.stamp_ns) == (Sensor.INITIAL_POSE, DropReason.NO_MAP, 1_000_000_000)
     published = [e for e in pipeline.process(Odometry(1_100_000_000, Pose2())) if isinstance(e, PosePublished)]
     assert published[0].T_map_base == Pose2()
+
+
+def test_without_anything_of_a_map_there_is_nothing_to_localise_in() -> None:
+    pipeline = SwitchingPipeline(load_config((), ()))
+    (warned,) = pipeline.switch(localises=True)
+    assert isinstance(warned, Warned)
+    assert "nothing of a map yet" in warned.text
+    assert not pipeline.localises
+    assert pipeline.switch(localises=False) == []
