@@ -6,7 +6,7 @@ from circles import PRIOR, Circles, drive
 
 from wayfi.frontends.closures.closure_config import ClosureConfig, ConsensusConfig
 from wayfi.frontends.closures.lidar_closer import LidarCloser
-from wayfi.frontends.closures.vetoes import VETOED, VetoError, Vetoes
+from wayfi.frontends.closures.vetoes import VETOED, FormerClosures, VetoedClosure, VetoError, Vetoes
 from wayfi.frontends.closures.wifi_closer import WifiCloser
 from wayfi.frontends.events import ClosureJudged, Verdict
 from wayfi.frontends.lidar.lidar_config import LidarConfig
