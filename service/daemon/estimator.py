@@ -144,7 +144,9 @@ class Estimator:
 
     def _saver_of(self, live: LiveDrive) -> MapSaver:
         folder = self._folder / MAP
-        live.saver = live.saver or MapSaver(folder, self._config.map, name_of_map(folder) or live.drive.former)
+        live.saver = live.saver or MapSaver(
+            folder, self._config.map, name_of_map(folder) or live.drive.former, self._config.frames
+        )
         return live.saver
 
     def _report(self, events: list[Event], published: PosePublished | None) -> None:

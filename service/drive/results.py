@@ -59,7 +59,7 @@ def write_results(
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
         if drive.makes_map:
             former, known = (None, None) if estimate.is_separate else (drive.former, saver)
-            (known or MapSaver(directory / MAP, drive.config.map, former)).save(building)
+            (known or MapSaver(directory / MAP, drive.config.map, former, drive.config.frames)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report
