@@ -81,6 +81,26 @@ def test_fifty_kills_leave_the_former_map_or_the_new_one(folder: Path, building:
     assert cut_off > KILLS // 4
 
 
+def save_now_and_then(folder: Path, building: BuildingMap) -> None:
+    saver = MapSaver(folder, former=load_map(folder).name)
+    for keyframes in 10 * SIZES:
+        saver.save(grown(building, keyframes))
+        time.sleep(0.05)
+
+
+def test_a_map_that_is_loaded_while_it_is_saved_is_one_of_the_two(folder: Path, building: BuildingMap) -> None:
+    process = FORK.Process(target=save_now_and_then, args=(folder, building))
+    process.start()
+    versions = []
+    while process.is_alive():
+        loaded = load_map(folder)
+        assert loaded.warnings == ()
+        assert len(loaded.building.keyframes) in SIZES
+        versions.append(loaded.map_version)
+    assert versions == sorted(versions)
+    assert len(set(versions)) > 3
+
+
 class Killed(BaseException):
     """A kill, at one of the steps of the file system."""
 
