@@ -6,7 +6,7 @@ from wayfi.backend.graph.health import FailureCategory, Health, State
 from wayfi.frontends.localization.wifi.belief_config import CoarseClaimConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
 
-NOT_YET = Health(State.RELOCALISING, "WiFi names no place yet", FailureCategory.NOT_FOUND_YET)
+NOTHING = Health(State.RELOCALISING, "neither laser nor WiFi tells where the robot is", FailureCategory.NO_SENSOR)
 
 
 class CoarseClaim:
@@ -22,21 +22,21 @@ class CoarseClaim:
         self._agrees_from_m: float | None = None
         self._doubted_from_m: float | None = None
         self.claimed: PlaceBelief | None = None
-        self.health = NOT_YET
+        self.health = NOTHING
 
     def judge(self, places: Sequence[PlaceBelief], path_m: float) -> None:
         """Judge the `places`, the heaviest first, when the robot has driven `path_m`."""
         best = places[0] if places else None
         if self.claimed is None:
-            self._confirm(best, path_m)
+            self._confirm(best, sum(place.weight for place in places), path_m)
         else:
             self._doubt(best, path_m)
 
-    def _confirm(self, best: PlaceBelief | None, path_m: float) -> None:
+    def _confirm(self, best: PlaceBelief | None, in_map: float, path_m: float) -> None:
         config = self._config
         if best is None or not self._is_sure(best, config.confirm_weight):
             self._agrees_from_m = None
-            self.health = NOT_YET if best is None else self._why_not(best)
+            self.health = NOTHING if best is None else self._why_not(best, in_map)
             return
         self._agrees_from_m = path_m if self._agrees_from_m is None else self._agrees_from_m
         agreed_m = path_m - self._agrees_from_m
@@ -67,6 +67,9 @@ class CoarseClaim:
         known = place.sigma_m <= config.sigma_m and place.sigma_rad <= config.sigma_rad
         return known and place.weight >= weight
 
-    def _why_not(self, best: PlaceBelief) -> Health:
+    def _why_not(self, best: PlaceBelief, in_map: float) -> Health:
+        if in_map < self._config.in_map:
+            text = "WiFi hears little that is in this map"
+            return Health(State.RELOCALISING, text, FailureCategory.NOT_IN_MAP)
         text = f"WiFi gives its best place a chance of {best.weight:.2f}, to {best.sigma_m:.1f} m"
         return Health(State.RELOCALISING, text, FailureCategory.AMBIGUOUS)

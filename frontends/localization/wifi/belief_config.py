@@ -58,6 +58,7 @@ class CoarseClaimConfig:
 
     confirm_weight: float = option(0.9, "", "of the belief that a place must hold")
     keep_weight: float = option(0.7, "", "of the belief with which a claimed place stays so")
+    in_map: float = option(0.5, "", "of the belief that all places together hold: with less it is not in this map")
     sigma_m: float = option(2.5, "m", "of the place: right within 3 m is what WiFi is good for")
     sigma_rad: float = option(0.6, "rad", "of the heading, which driving tells")
     path_m: float = option(4.0, "m", "of path over which a place is confirmed, or given up")
