@@ -7,13 +7,13 @@ from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.claims import judge_claim, why_not_confirmed
 from wayfi.frontends.localization.cluster import Cluster, cluster_of, score
+from wayfi.frontends.localization.coarse_claim import CoarseClaim
 from wayfi.frontends.localization.follower import Follower
 from wayfi.frontends.localization.hypotheses import Hypothesis, is_same
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.localization.proposals import Proposals, Proposed
 from wayfi.frontends.localization.wifi_belief import WifiBelief
-from wayfi.frontends.localization.wifi_claims import judge_by_wifi
 from wayfi.frontends.localization.wifi_support import WifiSupport
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.wifi.readings import Readings
@@ -36,6 +36,7 @@ class Localizer:
         self._wifi = WifiSupport(())
         self._hypotheses: list[Hypothesis] = []
         self._elsewhere = 0
+        self._coarse = CoarseClaim(config.coarse_claim)
         self._scanned_m = 0.0  # of path, up to the last scan
         self._cluster: Cluster | None = None
         self.claimed: Hypothesis | None = None
@@ -50,10 +51,8 @@ class Localizer:
         return cluster.keyframe, cluster.T_map_base, cluster.covariance
 
     def _pose_by_wifi(self) -> tuple[int, Pose2, Floats] | None:
-        if self.health.state not in (State.TRACKING, State.UNCERTAIN) or not self._wifi.known:
-            return None
-        place = self._wifi.places[0]
-        return self._track.newest, place.T_map_base, place.covariance
+        place = self._coarse.claimed
+        return None if place is None else (self._track.newest, place.T_map_base, place.covariance)
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -167,14 +166,15 @@ class Localizer:
 
     def _judge_by_wifi(self) -> None:
         """Claim WiFi's best place where the laser is silent; what was claimed so ends with the first scan."""
-        config, track = self._config.wifi_claim, self._track
+        config, track = self._config.coarse_claim, self._track
         path_m = track.point(track.newest).path_m
         if track.scan(track.newest) is not None:
-            self._scanned_m = path_m
-            if self.health.state in (State.TRACKING, State.UNCERTAIN):
-                self.health = NOT_YET
-        elif path_m - self._scanned_m >= config.silent_m:
-            self.health = judge_by_wifi(self._wifi, self.health.state, config)
+            self.health = NOT_YET if self._coarse.claimed else self.health
+            self._coarse, self._scanned_m = CoarseClaim(config), path_m
+            return
+        self._coarse.judge(self._wifi.places, path_m)
+        if path_m - self._scanned_m >= config.path_m:
+            self.health = self._coarse.health
 
     def _judge_claim(self) -> None:
         """Judge the claimed place, whose best hypothesis may be another one by now."""

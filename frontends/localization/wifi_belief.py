@@ -18,6 +18,7 @@ from wayfi.frontends.wifi.readings import Readings
 
 __all__ = ["Disagreement", "PlaceBelief", "WifiBelief"]
 
+FOUND = 0.5  # of the weight within some metres of the map's ways: with less a receiver's offset is not learnt
 SURE_APART = 2.0  # sigmas of a place beyond which a pose is elsewhere
 
 
@@ -96,7 +97,7 @@ class WifiBelief:
         config = self._config.likelihood
         new = min(self._moved_m / config.independent_m, 1.0)
         self._moved_m = 0.0
-        return max(new, config.standing) / (1.0 + known / config.independent_aps)
+        return max(new, config.standing) / (config.siblings + known / config.independent_aps)
 
     def _sow(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
         """Begin some particles anew where the scan fits, before it is weighed.
@@ -122,14 +123,13 @@ class WifiBelief:
     def _offset(self, places: RadioPlaces, fit: ScanFit) -> tuple[float, float]:
         """The receiver's offset by the scan, over the places where the robot may be, and the readings behind it."""
         p = self._particles
-        nearest, _ = places.nearest(p.poses[:, :2], p.floor)
+        nearest, distance_m = places.nearest(p.poses[:, :2], p.floor)
         row = _rows(places, fit)[nearest]
-        weights = np.where(row >= 0, p.weights, 0.0)
+        weights = np.where((row >= 0) & (distance_m < AWAY_M[1]), p.weights, 0.0)
         total = float(weights.sum())
-        if total <= 0.0:
+        if total < FOUND:
             return 0.0, 0.0
-        mean = float(weights @ fit.offset_db[row] / total)
-        return mean, total * float(weights @ fit.common[row] / total)
+        return float(weights @ fit.offset_db[row] / total), float(weights @ fit.common[row])
 
 
 def _rows(places: RadioPlaces, fit: ScanFit) -> NDArray[np.int64]:

@@ -21,10 +21,14 @@ class LikelihoodConfig:
     changed: float = option(0.15, "", "of the access points, which were moved or switched since the map was made")
     absent: float = option(0.05, "", "chance to hear an access point where the map never did")
     heard: float = option(0.85, "", "chance to hear one that the map always heard: receivers miss some")
+    new_nats: float = option(
+        1.0, "nats", "against the map for each access point that it does not know, above as many that it knows"
+    )
     unknown_heard: float = option(0.5, "", "times as often as all over the map it is heard where nothing is known")
     independent_aps: float = option(
         10.0, "", "access points that say as much as any number: those of one device fade and change together"
     )
+    siblings: float = option(2.0, "", "BSSIDs of one device, which say the same")
     independent_m: float = option(2.0, "m", "of path, over which shadowing is new: scans nearer share their evidence")
     standing: float = option(0.1, "", "of a scan's evidence that counts where the robot has not moved since the last")
     offset_db: float = option(6.0, "dB", "sigma of an unknown receiver's offset; phones were seen 8 dB apart")
@@ -46,3 +50,15 @@ class WifiBeliefConfig:
     near_m: float = option(5.0, "m", "particles this near to a peak are one place")
     sigma_floor_m: float = option(0.5, "m", "of a place: half a cell of the places that are compared")
     likelihood: LikelihoodConfig = field(default_factory=LikelihoodConfig)
+
+
+@dataclass(frozen=True)
+class CoarseClaimConfig:
+    """When WiFi and wheels alone may claim a pose."""
+
+    confirm_weight: float = option(0.9, "", "of the belief that a place must hold")
+    keep_weight: float = option(0.7, "", "of the belief with which a claimed place stays so")
+    in_map: float = option(0.5, "", "of the belief that all places together hold: with less it is not in this map")
+    sigma_m: float = option(2.5, "m", "of the place: right within 3 m is what WiFi is good for")
+    sigma_rad: float = option(0.6, "rad", "of the heading, which driving tells")
+    path_m: float = option(4.0, "m", "of path over which a place is confirmed, or given up")

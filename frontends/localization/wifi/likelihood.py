@@ -1,7 +1,8 @@
 """How much more likely a WiFi scan is at a place of the map than somewhere that the map does not know.
 
 Each access point counts by itself: at a place it is heard with the chance and the RSSI that the map tells, or it has
-been changed since, by the chance `changed`. Somewhere unknown any RSSI is as likely. The offset of the receiver is
+been changed since, by the chance `changed`. Somewhere unknown any RSSI is as likely. More access points that
+the map does not know than those that it knows speak against the map. The offset of the receiver is
 fitted at each place. Away from the fingerprints the map tells less and less: the sigma of RSSI grows, and the
 surroundings become as good as unknown.
 """
@@ -29,7 +30,7 @@ STRONG_DBM = -78.0  # a receiver reports a weaker access point only where fading
 WEAK_COUNTS = 0.2  # of a strong one, for the offset
 FAINT_DBM, FAINT_DB = -86.0, 3.0  # a scan misses half of the access points at this RSSI; the width of that step
 UNHEARD_DBM, UNHEARD_DB = -90.0, 6.0  # an access point that the map did not hear at a place, and sigma above it
-LEAST_HEARD = 0.01  # chance of any access point somewhere unknown: one that a single place heard proves not all
+LEAST_HEARD = 0.1  # chance of an access point somewhere unknown: one that few places heard may have been moved there
 ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
@@ -86,7 +87,9 @@ def fit_scan(
     unknown = np.clip(config.unknown_heard * places.common, LEAST_HEARD, config.unknown_heard)
     heard = _Map(*places.heard, places.weight, unknown)
     log_ratio, offsets = np.zeros((len(found), len(AWAY_M))), np.zeros((len(found), 2))
-    _fit(log_ratio, offsets, found, heard, level, aps, _model(config), sigma_db)
+    model = _model(config)
+    _fit(log_ratio, offsets, found, heard, level, aps, model, sigma_db)
+    log_ratio += config.new_nats * min(2.0 * len(aps) - len(known), 0.0) * model.told / model.told[0]
     return ScanFit(len(aps), found, log_ratio, offset_db + offsets[:, 0], offsets[:, 1])
 
 

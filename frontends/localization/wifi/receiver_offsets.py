@@ -6,7 +6,7 @@ from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
 from wayfi.frontends.wifi.receivers import ReceiverOffset
 
 MOST_RECEIVERS = 32  # that are remembered, to bound memory
-LEAST_SIGMA_DB = 1.0  # one fades and warms up
+LEAST_SIGMA_DB = 0.5  # a receiver warms up, and is carried another way
 MOST_READINGS = 4.0  # of one scan that count: they fade together
 
 
