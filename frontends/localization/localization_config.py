@@ -83,6 +83,17 @@ class ClaimConfig:
 
 
 @dataclass(frozen=True)
+class WifiClaimConfig:
+    """When the place that WiFi names is claimed by a robot whose laser is silent."""
+
+    silent_m: float = option(3.0, "m", "of path without a scan, from which on WiFi and wheels decide")
+    sure_weight: float = option(0.9, "", "of WiFi's best place: TRACKING")
+    least_weight: float = option(0.5, "", "the same, and of all places together: less is no claim")
+    max_sigma_m: float = option(2.5, "m", "of that place: TRACKING is to be within 6 m")
+    max_sigma_rad: float = option(0.5, "rad", "of its heading, which the way driven tells")
+
+
+@dataclass(frozen=True)
 class LocalizationConfig:
     """Localisation in a saved map."""
 
@@ -94,3 +105,4 @@ class LocalizationConfig:
     search: MapSearchConfig = field(default_factory=MapSearchConfig)
     proposals: ProposalConfig = field(default_factory=ProposalConfig)
     claim: ClaimConfig = field(default_factory=ClaimConfig)
+    wifi_claim: WifiClaimConfig = field(default_factory=WifiClaimConfig)

@@ -13,6 +13,7 @@ from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.localization.proposals import Proposals, Proposed
 from wayfi.frontends.localization.wifi_belief import WifiBelief
+from wayfi.frontends.localization.wifi_claims import judge_by_wifi
 from wayfi.frontends.localization.wifi_support import WifiSupport
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.wifi.readings import Readings
@@ -35,6 +36,7 @@ class Localizer:
         self._wifi = WifiSupport(())
         self._hypotheses: list[Hypothesis] = []
         self._elsewhere = 0
+        self._scanned_m = 0.0  # of path, up to the last scan
         self._cluster: Cluster | None = None
         self.claimed: Hypothesis | None = None
         self.health = NOT_YET
@@ -42,10 +44,16 @@ class Localizer:
     def pose(self) -> tuple[int, Pose2, Floats] | None:
         """The local keyframe, the pose in `map` and its (3, 3) covariance that are claimed; None while none are."""
         if self.claimed is None:
-            return None
+            return self._pose_by_wifi()
         cluster = self._cluster
         assert cluster is not None
         return cluster.keyframe, cluster.T_map_base, cluster.covariance
+
+    def _pose_by_wifi(self) -> tuple[int, Pose2, Floats] | None:
+        if self.health.state not in (State.TRACKING, State.UNCERTAIN) or not self._wifi.known:
+            return None
+        place = self._wifi.places[0]
+        return self._track.newest, place.T_map_base, place.covariance
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -61,6 +69,7 @@ class Localizer:
         if step.moved:
             self._proposals.restart()
         if self.claimed is None:
+            self._judge_by_wifi()
             return
         if self._follower.follow_claim(self.claimed):
             self._judge_claim()
@@ -155,6 +164,17 @@ class Localizer:
             self.health = judge_claim(cluster, State.UNCERTAIN, 0, config)
         elif self.health.state is not State.LOST:
             self.health = why_not
+
+    def _judge_by_wifi(self) -> None:
+        """Claim WiFi's best place where the laser is silent; what was claimed so ends with the first scan."""
+        config, track = self._config.wifi_claim, self._track
+        path_m = track.point(track.newest).path_m
+        if track.scan(track.newest) is not None:
+            self._scanned_m = path_m
+            if self.health.state in (State.TRACKING, State.UNCERTAIN):
+                self.health = NOT_YET
+        elif path_m - self._scanned_m >= config.silent_m:
+            self.health = judge_by_wifi(self._wifi, self.health.state, config)
 
     def _judge_claim(self) -> None:
         """Judge the claimed place, whose best hypothesis may be another one by now."""
