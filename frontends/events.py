@@ -50,14 +50,15 @@ class DropReason(StrEnum):
     OTHER_FRAME = "other_frame"
     ABSURD_COVARIANCE = "absurd_covariance"
     NO_MAP = "no_map"
-    NOT_ESTIMATED = "not_estimated"
+    ADDS_NOTHING = "adds_nothing"
 
 
 class ClosureKind(StrEnum):
-    """The sensor whose pose became the factor."""
+    """The sensor whose pose became the factor; a fix relates a keyframe to the first one, which defines the frame."""
 
     WIFI = "wifi"
     LIDAR = "lidar"
+    FIX = "fix"
 
 
 class Verdict(StrEnum):

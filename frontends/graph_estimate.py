@@ -74,6 +74,13 @@ class GraphEstimate:
         residual_m = self._step_residual_m()
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 
+    def solve_anew(self, stamp_ns: int) -> list[Event]:
+        """Optimise the whole graph from the estimate, and read that."""
+        if not self._graph.restarts:
+            self._graph.restart(self._graph.calibrations(), self._graph.poses())
+        self._graph.settle()
+        return self.update(stamp_ns, moved=True)
+
     def observe(self, stamp_ns: int, variance_factor: float = 1.0, doubt: Health | None = None) -> list[Event]:
         """Read the newest pose's covariance; returns a change of health (see `judge`), now and then the calibration.
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.estimation_core import estimation_core
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose, PoseIntake
 from wayfi.frontends.intake.scan_intake import ScanIntake, dropped
@@ -28,8 +27,9 @@ from wayfi.frontends.measurements import (
     Sweep,
     WifiScan,
 )
+from wayfi.frontends.modes.estimation_core import estimation_core
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
-from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
+from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate, EstimateSchedule
 from wayfi.frontends.odometry.timebase import told_of
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -58,6 +58,7 @@ class Pipeline:
         self._config = config
         self._timer: Timer = timer or untimed
         self._odometry = AcceptedOdometry(config.odometry)
+        self._path = self._odometry.path
         self._core = estimation_core(config, calibration, self._timer, building, extends)
         self._lead_after_ns = round(config.odometry.laser_lead_s * SECOND_NS)
         self._scans = ScanIntake(config.lidar, config.odometry, self._odometry.time)
@@ -91,8 +92,7 @@ class Pipeline:
         """End the drive: use or drop what still waits, close the last loops, draw the grid."""
         events = list(self._lead_by_transforms(self.stamp_ns)) if self._path.latest is None else []
         events += [event for sweep in self._scans.unfinished() for event in self._add_sweep(sweep)]
-        events += self._use_scans(last=True)
-        events += self._use_last_scans(self._scans.queue.waiting())
+        events += [*self._use_scans(last=True), *self._use_last_scans(self._scans.queue.waiting())]
         events += [*self._use_wifi(self._wifi.finish()), *self._poses.finish()]
         result, last = self._core.finish(self._trajectories)
         return result, events + last
@@ -113,16 +113,17 @@ class Pipeline:
         """The map that the drive has made so far, its grid as drawn last; None where it has made none."""
         return self._core.made_map()
 
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Take a closure out of the estimate, or put it back; a new one is due. Raises VetoError."""
+        self._estimates = EstimateSchedule(keyframes=-1)
+        return self._core.edit(closure, restored)
+
     def resume(self, seconds: float) -> list[Event]:
         """Go on after `seconds` without measurements; a new estimate is due."""
         self._estimates = EstimateSchedule(keyframes=-1)
         self._path.go_on()
         text = f"away for {seconds:.1f} s: what was driven meanwhile is what the odometry says of it"
         return [Warned(self.stamp_ns, text)]
-
-    @property
-    def _path(self) -> DrivenPath:
-        return self._odometry.path
 
     @property
     def stamp_ns(self) -> int:
@@ -144,8 +145,7 @@ class Pipeline:
     ) -> Iterator[Event]:
         """Use a message of the wheels or a pose of /tf, of which one that is newer by `newer_ns` has come already."""
         if accepted.shift_ns:
-            told = told_of(-accepted.shift_ns, self._odometry.time.offset_ns)
-            yield Warned(accepted.stamp_ns, f"odometry: {told}")
+            yield Warned(accepted.stamp_ns, f"odometry: {told_of(-accepted.shift_ns, self._odometry.time.offset_ns)}")
         if accepted.dropped:
             yield Dropped(sensor, accepted.stamp_ns, accepted.dropped)
             return
@@ -218,8 +218,7 @@ class Pipeline:
         for scan_ns, scan in self._scans.queue.waiting():
             latest, leads = self._path.latest, self._stand_ins.follow(scan_ns, scan)
             if leads and (latest is None or scan_ns > latest.stamp_ns):
-                T_odom_base = self._stand_ins.match(scan_ns, scan)
-                yield from self._follow(self._odometry.follow_laser(scan_ns, T_odom_base))
+                yield from self._follow(self._odometry.follow_laser(scan_ns, self._stand_ins.match(scan_ns, scan)))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""
@@ -273,8 +272,7 @@ class Pipeline:
         elif stood.seconds >= self._config.lidar.doubt.look_s and isinstance(sweeps.newest, LaserScan):
             if self._seen.motion_to(point).seconds < self._core.steps.look_due_s():
                 return
-            self._seen = point
-            placed = self._place(sweeps)
+            self._seen, placed = point, self._place(sweeps)
             yield from self._core.look(point, placed) if placed else ()
 
     def _place(self, sweeps: SweepSet) -> PlacedScan | None:

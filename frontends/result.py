@@ -15,12 +15,14 @@ class DriveEstimate:
 
     `final` and `online` (n, 3) are the poses of base_link in `map` at `stamps_ns` (n,), at the end and as they were
     published, NaN where none was, x, y in m, theta in rad; `building` is the map that the drive has made.
+    It `is_separate` from the map that the drive was to go on with where the robot was not found there.
     """
 
     stamps_ns: NDArray[np.int64]
     final: Floats
     online: Floats
     building: BuildingMap
+    is_separate: bool = False
 
     @property
     def published(self) -> NDArray[np.bool_]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from wayfi.frontends.estimation_core import EstimationCore
 from wayfi.frontends.events import Event, Warned
 from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.modes.estimation_core import EstimationCore
 from wayfi.frontends.odometry.driven_path import DrivenPath
 from wayfi.frontends.odometry.trajectories import Trajectories
 

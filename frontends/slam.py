@@ -1,23 +1,21 @@
 """Keyframes, fingerprints and closures become one graph, and the graph one estimate of the drive."""
 
-from collections.abc import Sequence
-from copy import deepcopy
 from itertools import pairwise
-
-import numpy as np
 
 from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.grid.grid_map import GridMap
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
-from wayfi.backend.pose2 import Floats, Pose2, compose_all, diagonal_covariance
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.closures.fix_closer import FixCloser, OutsideFix
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
+from wayfi.frontends.closures.vetoes import Vetoes
 from wayfi.frontends.closures.wifi_closer import WifiCloser
-from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, keyframe_event, keyframe_events
+from wayfi.frontends.event_making import NO_HITS, fingerprint_event, grid_event, keyframe_events
 from wayfi.frontends.events import Dropped, DropReason, Event
 from wayfi.frontends.floors.floor_tracker import FloorTracker
 from wayfi.frontends.graph_estimate import GraphEstimate
@@ -27,7 +25,6 @@ from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch
 from wayfi.frontends.maps.building_map import BuildingMap
-from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
@@ -35,7 +32,7 @@ from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.frontends.slam_map import DriveParts, begin_with, in_frame_of, map_of
+from wayfi.frontends.slam_map import DriveParts, begin_with, final_trajectory, history_of, in_frame_of, map_of
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
@@ -69,9 +66,12 @@ class SlamCore:
             self._graph, self.keyframes, verdicts, prior.wheels, config.closure.consensus, config.wifi,
             self._wifi.confirm, self._lidar_closer.walls,
         )  # fmt: skip
+        self._fix_closer = FixCloser(self._graph, self.keyframes, verdicts, config.closure)
+        closers = self._lidar_closer, self._wifi_closer.claims, self._fix_closer
         self._parts = DriveParts(
-            self._graph, self.keyframes, self._wifi, self._grid, verdicts, self._lidar_closer, self._wifi_closer
-        )
+            self._graph, self.keyframes, self._wifi, self._grid, verdicts, self._lidar_closer, closers,
+            Vetoes(self._graph, verdicts, closers),
+        )  # fmt: skip
         self._before = begin_with(building, self._parts, config.closure.min_path_m) if building else None
         self._estimate.reread()
 
@@ -94,17 +94,6 @@ class SlamCore:
         estimate, point = self._estimate, self.keyframes.newest.point
         scale = self.steps.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
-
-    def join(self, stamp_ns: int, fixes: Sequence[MapFix]) -> list[Event]:
-        """The drive is found in the map that it goes on with: move it there, as the last of the `fixes` says."""
-        keyframes, poses, last = self.keyframes, self.poses.copy(), fixes[-1]
-        T = Pose2.of(poses[last.a]) @ last.T_a_b @ Pose2.of(poses[last.b]).inverse()
-        poses[keyframes.first :] = compose_all(T.array(), poses[keyframes.first :])
-        keyframes.join(last.a)
-        events: list[Event] = [self._lidar_closer.enter_fix(fix) for fix in fixes]
-        self._graph.restart(self._graph.calibrations(), poses)
-        self._graph.settle()
-        return events + self._estimate.update(stamp_ns, moved=True)
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
         """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
@@ -135,8 +124,8 @@ class SlamCore:
             if not self._floors.doubtful:
                 events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
                 events += self._lidar_closer.close_by_search(number, point.stamp_ns, self.poses)
-        factor = self._lidar_closer.variance_factor.value
-        return events + self._estimate.observe(point.stamp_ns, factor, self.steps.doubt)
+            events += self._fix_closer.judge(self.poses)
+        return events + self._observe(point.stamp_ns)
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own; close loops by the fingerprint that it completes."""
@@ -157,9 +146,19 @@ class SlamCore:
         return events
 
     def add_pose(self, placed: PlacedPose) -> list[Event]:
-        """Add a pose from outside; an initial pose needs a map, in which it is."""
-        reason = DropReason.NO_MAP if placed.sensor is Sensor.INITIAL_POSE else DropReason.NOT_ESTIMATED
-        return [Dropped(placed.sensor, placed.point.stamp_ns, reason)]
+        """Add a pose from outside: a fix closes a loop, an initial pose needs a map, in which it is."""
+        stamp_ns = placed.point.stamp_ns
+        if placed.sensor is Sensor.INITIAL_POSE:
+            return [Dropped(placed.sensor, stamp_ns, DropReason.NO_MAP)]
+        keyframe = self.keyframes.before(stamp_ns)
+        T = self.keyframes[keyframe].point.motion_to(placed.point).corrected(self._estimate.calibration)
+        return self._fix_closer.add(stamp_ns, keyframe, OutsideFix(placed.T_map_base, placed.covariance, T), self.poses)
+
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Take an accepted closure out of the graph, or put a vetoed one back. Raises VetoError."""
+        judged = self._parts.vetoes.restore(closure) if restored else self._parts.vetoes.veto(closure)
+        stamp_ns = self.keyframes.newest.point.stamp_ns
+        return [judged, *self._estimate.solve_anew(stamp_ns), *self._observe(stamp_ns)]
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Redraw the grid if enough has come since the last time."""
@@ -195,13 +194,7 @@ class SlamCore:
 
     def history(self, stamp_ns: int) -> list[Event]:
         """Every keyframe with its scan at its present pose, and the grid at `stamp_ns`."""
-        if not self.keyframe_count:
-            return []
-        keyframes = [
-            keyframe_event(number, k, pose, np.nan)
-            for number, (k, pose) in enumerate(zip(self.keyframes, self.poses, strict=True))
-        ]
-        return [*keyframes, grid_event(stamp_ns, deepcopy(self._grid).redraw(self.poses))]
+        return history_of(self._parts, self.poses, stamp_ns) if self.keyframe_count else []
 
     def made_map(self) -> BuildingMap | None:
         """The map that the drive has made so far, its grid as drawn last; None before the first keyframe."""
@@ -216,9 +209,7 @@ class SlamCore:
         stamps_ns = trajectories.stamps_ns()
         events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
         building = self._building(poses, grid)
-        first, points = self.keyframes.first, [k.point for k in self.keyframes.own]
-        moved_to = [k - first for k in self.keyframes.moved_to if k > first]
-        final = trajectories.final(points, poses[first:], building.calibration.wheels.values, moved_to)
+        final = final_trajectory(trajectories, self.keyframes, poses, building.calibration)
         return DriveEstimate(stamps_ns, final, trajectories.online(), building), events
 
     def _building(self, poses: Floats, grid: OccupancyGrid) -> BuildingMap:
@@ -254,7 +245,11 @@ class SlamCore:
         return events + self._wifi_closer.decide(stamp_ns, self.poses, last)
 
     def _review(self, last: bool = False) -> list[Event]:
-        return self._lidar_closer.review(self.poses) + self._wifi_closer.review(self.poses, last)
+        by_laser = self._lidar_closer.review(self.poses)
+        return by_laser + self._wifi_closer.review(self.poses, last) + self._fix_closer.review(self.poses)
+
+    def _observe(self, stamp_ns: int) -> list[Event]:
+        return self._estimate.observe(stamp_ns, self._lidar_closer.variance_factor.value, self.steps.doubt)
 
     def _start_tracking(self) -> None:
         self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)

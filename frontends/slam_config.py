@@ -10,6 +10,7 @@ from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.localization_config import LocalizationConfig
 from wayfi.frontends.maps.merging_config import MergingConfig
+from wayfi.frontends.maps.pruning import PruningConfig
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
@@ -26,5 +27,6 @@ class SlamConfig:
     backend: BackendConfig = field(default_factory=BackendConfig)
     floors: FloorConfig = field(default_factory=FloorConfig)
     map: MapConfig = field(default_factory=MapConfig)
+    pruning: PruningConfig = field(default_factory=PruningConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
     merging: MergingConfig = field(default_factory=MergingConfig)

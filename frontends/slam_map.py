@@ -1,5 +1,7 @@
 """The map that a drive goes on with, and the map that it makes."""
 
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,20 +13,23 @@ from wayfi.backend.pose2 import Floats, compose_all, rigid_fit
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
-from wayfi.frontends.closures.wifi_closer import WifiCloser
+from wayfi.frontends.closures.vetoes import Closer, FormerClosures, VetoedClosure, Vetoes
+from wayfi.frontends.event_making import grid_event, keyframe_event
+from wayfi.frontends.events import Event
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint, MapKeyframe
 from wayfi.frontends.maps.continuing import keyframes_before, load_graph
 from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapBefore:
-    """The map that a drive goes on with, and the numbers that the factors of its closures have in the drive's graph."""
+    """The map that a drive goes on with, and its closures that no closer of the drive holds, by their factors."""
 
     building: BuildingMap
-    factors: dict[int, tuple[int, ...]]
+    closures: FormerClosures
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +42,8 @@ class DriveParts:
     grid: GridMap
     verdicts: Verdicts
     lidar_closer: LidarCloser
-    wifi_closer: WifiCloser
+    closers: Sequence[Closer]
+    vetoes: Vetoes
 
 
 def begin_with(building: BuildingMap, parts: DriveParts, gap_m: float) -> MapBefore:
@@ -59,7 +65,15 @@ def begin_with(building: BuildingMap, parts: DriveParts, gap_m: float) -> MapBef
         if closure.factors and number not in building.vetoed
     }
     parts.lidar_closer.begin_with(factors)
-    return MapBefore(building, factors)
+    held = parts.lidar_closer.factors()
+    former = FormerClosures({n: own for n, own in factors.items() if n not in held}, len(building.closures))
+    parts.vetoes.begin_with({number: _vetoed(building, number) for number in building.vetoed}, former)
+    return MapBefore(building, former)
+
+
+def _vetoed(building: BuildingMap, number: int) -> VetoedClosure:
+    closure = building.closures[number]
+    return VetoedClosure(closure.judged, tuple(building.factors[n] for n in closure.factors))
 
 
 def in_frame_of(poses: Floats, before: MapBefore | None) -> Floats:
@@ -80,29 +94,43 @@ def map_of(
     """The map of a drive at the keyframes' `poses` (n, 3), and of what it has gone on with."""
     first = parts.keyframes.first
     calibrations, factors = parts.graph.calibrations_along(), parts.graph.factors()
-    of_closures = parts.lidar_closer.factors() | parts.wifi_closer.claims.factors()
-    session, vetoed = 0, frozenset[int]()
+    of_closures = {number: own for closer in parts.closers for number, own in closer.factors().items()}
+    session = 0
     if before is not None:
         session = 1 + max(k.session for k in before.building.keyframes)
-        vetoed = before.building.vetoed
         calibrations[:first] = before.building.calibrations
-        of_closures = before.factors | of_closures
-        for closure in sorted(vetoed):
-            kept = {max(factors) + 1 + i: before.building.factors[n] for i, n in enumerate(_factors(before, closure))}
-            factors, of_closures = factors | kept, of_closures | {closure: tuple(kept)}
+        of_closures |= before.closures.factors()
+    judged = list(parts.verdicts)
+    for number, vetoed in sorted(parts.vetoes.kept.items()):
+        kept = dict(enumerate(vetoed.factors, max(factors, default=-1) + 1))
+        factors, of_closures = factors | kept, of_closures | {number: tuple(kept)}
+        judged[number] = vetoed.judged
     return BuildingMap(
         _map_keyframes(parts, session, before), poses, calibrations, factors,
-        [MapClosure(judged, of_closures.get(judged.closure, ())) for judged in parts.verdicts],
+        [MapClosure(each, of_closures.get(each.closure, ())) for each in judged],
         [
             MapFingerprint(f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.path_m, f.readings)
             for f in parts.wifi.fingerprints
         ],
-        parts.wifi.weights(), calibration, grid, tuple(parts.keyframes.moved_to), vetoed,
+        parts.wifi.weights(), calibration, grid, tuple(parts.keyframes.moved_to),
+        frozenset(parts.vetoes.kept),
     )  # fmt: skip
 
 
-def _factors(before: MapBefore, closure: int) -> tuple[int, ...]:
-    return before.building.closures[closure].factors
+def history_of(parts: DriveParts, poses: Floats, stamp_ns: int) -> list[Event]:
+    """Every keyframe with its scan at its present pose of `poses` (n, 3), and the grid at `stamp_ns`."""
+    numbered = enumerate(zip(parts.keyframes, poses, strict=True))
+    keyframes = [keyframe_event(number, k, pose, np.nan) for number, (k, pose) in numbered]
+    return [*keyframes, grid_event(stamp_ns, deepcopy(parts.grid).redraw(poses))]
+
+
+def final_trajectory(
+    trajectories: Trajectories, keyframes: Keyframes, poses: Floats, calibration: Calibration
+) -> Floats:
+    """(m, 3) poses of the drive at its end, by the `poses` (n, 3) of all keyframes."""
+    first, points = keyframes.first, [k.point for k in keyframes.own]
+    moved_to = [k - first for k in keyframes.moved_to if k > first]
+    return trajectories.final(points, poses[first:], calibration.wheels.values, moved_to)
 
 
 def _map_keyframes(parts: DriveParts, session: int, before: MapBefore | None) -> list[MapKeyframe]:

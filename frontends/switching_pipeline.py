@@ -1,12 +1,14 @@
 """A stream that goes on in the map it has made: from making a map to localising in it, and back."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.continued_slam import ContinuedSlam
-from wayfi.frontends.events import Event, Warned
-from wayfi.frontends.localization_core import LocalizationCore
+from wayfi.frontends.events import Event, StateChanged, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.modes.continued_slam import ContinuedSlam
+from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.live_pose import EstimateSchedule
 from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.pipeline import Pipeline
@@ -48,19 +50,21 @@ class SwitchingPipeline(Pipeline):
         kind = LocalizationCore if localises else ContinuedSlam
         core = kind(self._config, ended.building.calibration, self._timer, ended.building)
         self._begin_part(core)
-        events += core.add_keyframe(latest, None)
-        if anchor is not None:
-            now = anchor.pose_at(latest, latest.T_path_base, self._config.odometry)
-            events += core.take_over(latest.stamp_ns, now.T_map_base, now.covariance)
-        return events
+        begun = core.add_keyframe(latest, None)
+        if anchor is None:
+            return events + begun
+        now = anchor.pose_at(latest, latest.T_path_base, self._config.odometry)
+        known = core.take_over(latest.stamp_ns, now.T_map_base, now.covariance)
+        return [*events, *(event for event in begun if not isinstance(event, StateChanged)), *known]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
         """End the drive; returns its parts as one, with the map of the last."""
         last, events = super().finish()
         parts = [*self._ended, last]
         stamps_ns = np.concatenate([part.stamps_ns for part in parts])
-        final, online = (np.concatenate([getattr(part, name) for part in parts]) for name in ("final", "online"))
-        return DriveEstimate(stamps_ns, final, online, last.building), events
+        final = np.concatenate([part.final for part in parts])
+        online = np.concatenate([part.online for part in parts])
+        return replace(last, stamps_ns=stamps_ns, final=final, online=online), events
 
     def _begin_part(self, core: LocalizationCore | ContinuedSlam) -> None:
         self._core = core

@@ -58,6 +58,19 @@ class LostRobotConfig:
 
 
 @dataclass(frozen=True)
+class FixesConfig:
+    """How well a pose from outside is known where it does not say so, and when several outvote the estimate."""
+
+    sigma_m: float = option(0.2, "m", "of a fix without a covariance: a fiducial at some metres, a dock")
+    sigma_rad: float = option(0.1, "rad", "as above")
+    agreeing: int = option(3, "fixes", "that contradict the estimate and agree with each other: it was wrong")
+    spread_m: float = option(10.0, "m", "of path between them: one marker that was moved is seen over less")
+    wheels: float = option(0.03, "1", "of the path between two of them: what calibrated wheels err by, and turn")
+    wheels_rad_per_m: float = option(0.01, "rad/m", "as above")
+    compared: int = option(10, "fixes", "the newest refused ones: bounds the cost of comparing them")
+
+
+@dataclass(frozen=True)
 class ClosureConfig:
     """Which candidates are checked, how far the check searches, and which of its results become factors."""
 
@@ -95,3 +108,4 @@ class ClosureConfig:
     overlap: OverlapConfig = field(default_factory=OverlapConfig)
     lost: LostRobotConfig = field(default_factory=LostRobotConfig)
     consensus: ConsensusConfig = field(default_factory=ConsensusConfig)
+    fixes: FixesConfig = field(default_factory=FixesConfig)

@@ -69,6 +69,7 @@ class LidarCloser:
         self._graph, self._keyframes, self._verdicts = graph, keyframes, verdicts
         self._closure, self._lidar, self._timer = closure, lidar, timer
         self._accepted: dict[int, int] = {}
+        self._vetoed: set[int] = set()
         self.variance_factor = VarianceFactor(closure.variance_prior)
         self._walls: dict[tuple[int, int], BetweenFactor] = {}
         self._last_check_m = -np.inf
@@ -96,7 +97,7 @@ class LidarCloser:
         if a is None:
             return []
         self._last_check_m = here.point.path_m
-        if self._shortest_path_m(a, keyframe) < self._closure.closed_m:
+        if self._shortest_path_m(a, keyframe) < self._closure.closed_m or self._is_vetoed(a, keyframe):
             return []
         expected = self._expected(a, keyframe, poses)
         return self._close(_Proposed(a, keyframe, "estimate"), expected, stamp_ns, poses)
@@ -144,7 +145,8 @@ class LidarCloser:
         One whose keyframes are already near each other along the path and the closures gets no verdict.
         """
         a, b = candidate.a, candidate.b
-        if self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m:
+        near = self._shortest_path_m(a.keyframe, b.keyframe) < self._closure.closed_m
+        if near or self._is_vetoed(a.keyframe, b.keyframe):
             return CheckOutcome([])
         expected = self._expected(a.keyframe, b.keyframe, poses)
         known_m = position_sigma(expected.covariance)
@@ -170,6 +172,21 @@ class LidarCloser:
         """The number of the factor of each accepted closure."""
         return {closure: (factor,) for closure, factor in self._accepted.items()}
 
+    def release(self, closure: int) -> bool:
+        """Give up the factor of a closure that was vetoed, and propose none like it; False where it is none."""
+        if self._accepted.pop(closure, None) is None:
+            return False
+        self._vetoed.add(closure)
+        return True
+
+    def take_back(self, closure: int, factors: tuple[int, ...]) -> bool:
+        """Take a closure back that was restored, with its factors; False where it is none that was vetoed."""
+        if closure not in self._vetoed:
+            return False
+        self._vetoed.remove(closure)
+        (self._accepted[closure],) = factors
+        return True
+
     def review(self, poses: Floats) -> list[Event]:
         """Remove those of the newest accepted closures that the estimate contradicts, unless it is being replaced."""
         events: list[Event] = []
@@ -188,6 +205,7 @@ class LidarCloser:
     def withdraw(self, reason: str) -> list[Event]:
         """Remove every accepted closure, for `reason`, and forget what walls said."""
         self._walls.clear()
+        self._vetoed.clear()
         numbers = sorted(self._accepted)
         for number in numbers:
             self._graph.remove(self._accepted.pop(number))
@@ -229,6 +247,14 @@ class LidarCloser:
         closures = [self._verdicts[number] for number in list(self._accepted)[-self._closure.reviewed :]]
         over_closures = [abs(path[c.keyframe_a] - path[a]) + abs(path[b] - path[c.keyframe_b]) for c in closures]
         return float(min([abs(path[b] - path[a]), *over_closures]))
+
+    def _is_vetoed(self, a: int, b: int) -> bool:
+        """Whether a closure that was vetoed relates the same two stretches of path."""
+        path, near_m = self._keyframes.paths_m, self._closure.closed_m
+        vetoed = (self._verdicts[number] for number in self._vetoed)
+        return any(
+            abs(path[v.keyframe_a] - path[a]) < near_m and abs(path[v.keyframe_b] - path[b]) < near_m for v in vetoed
+        )
 
     def _enter(self, p: _Proposed, done: CheckResult, why: str = "agrees with the estimate") -> ClosureJudged:
         """Enter the verdict on a candidate; add its factor if it is accepted."""

@@ -24,7 +24,7 @@ class Claim:
 
     `walls` is the factor of what the laser adds to an accepted one: the pose across the walls there, and the heading.
     `gap_m` of path lie between it and the latest earlier claim that relates the same two stretches. `confirmed`: it has
-    been accepted at least once.
+    been accepted at least once. `vetoed`: it is not judged any more.
     """
 
     number: int
@@ -33,6 +33,7 @@ class Claim:
     factor: int | None = None
     walls: int | None = None
     confirmed: bool = False
+    vetoed: bool = False
 
 
 class WifiClaims:
@@ -58,9 +59,26 @@ class WifiClaims:
         held = {claim.number: (claim.factor, claim.walls) for claim in self._claims if claim.factor is not None}
         return {number: tuple(n for n in numbers if n is not None) for number, numbers in held.items()}
 
+    def release(self, number: int) -> bool:
+        """Give up the factors of an accepted claim, which was vetoed; False where it is none."""
+        for claim in self._claims:
+            if claim.number == number and claim.factor is not None:
+                claim.factor, claim.walls, claim.vetoed = None, None, True
+                return True
+        return False
+
+    def take_back(self, number: int, factors: tuple[int, ...]) -> bool:
+        """Take a claim back that was restored, with its factors; False where it is none that was vetoed."""
+        for claim in self._claims:
+            if claim.number == number and claim.vetoed:
+                claim.factor, claim.walls = factors[0], factors[1] if len(factors) > 1 else None
+                claim.vetoed = False
+                return True
+        return False
+
     def recent(self) -> list[Claim]:
-        """The newest claims, `window` of them at most."""
-        return self._claims[-self._config.window :]
+        """The newest claims, `window` of them at most, without those that were vetoed."""
+        return [claim for claim in self._claims[-self._config.window :] if not claim.vetoed]
 
     def continues(self, claim: Claim) -> bool:
         """Whether a claim relates the same two stretches as an earlier one nearby."""

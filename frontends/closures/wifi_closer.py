@@ -148,7 +148,7 @@ class WifiCloser:
         judged = 0
         while self._to_judge and judged < at_most:
             claim = self._to_judge.pop(0)
-            if claim.factor is None and not self._are_far(self.claims.pairs([claim]), poses)[0]:
+            if claim.factor is None and not claim.vetoed and not self._are_far(self.claims.pairs([claim]), poses)[0]:
                 judged += 1
                 accepted = self._accept_if_likely(claim, poses)
                 events += [accepted] if accepted else []

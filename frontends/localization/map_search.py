@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2, wrap_all
 from wayfi.frontends.localization.branch_and_bound import Bounds, Ints, advance, begun, cells_at
 from wayfi.frontends.localization.place_field import LEVELS, PlaceField, building_steps
 from wayfi.frontends.localization.refining import POSES, refined
@@ -118,44 +118,39 @@ class _Search:
         first = _first_blocks(field, region)
         self._state = begun(cells, first, field, config.most_refined, config.max_waiting, bounds)
         self._compared = False
-        self._refined: list[Place] = []
+        self._refined = np.empty((0, 4))
 
     def go_on(self, work: int) -> SearchResult | None:
         if not self._compared:
             self._compared = advance(self._state, self._field, work)
             return None
         found = self._state.found[: self._state.counts[3]]
-        for row, column, angle, _ in found[len(self._refined) :][: max(1, work // POSES)]:
-            self._refined.append(self._refine(row, column, angle))
+        some = found[len(self._refined) :][: max(1, work // POSES)]
+        poses = np.empty((len(some), 3))
+        poses[:, :2] = self._field.origin + self._field.cell_m * (some[:, :2] + 0.5)
+        poses[:, 2] = some[:, 2] * (2 * math.pi / self._angles)
+        self._refined = np.concatenate([self._refined, refined(self._fine_points, self._field, poses)])
         return self._result() if len(self._refined) == len(found) else None
-
-    def _refine(self, row: float, column: float, angle: float) -> Place:
-        x, y = self._field.origin + self._field.cell_m * (np.array([row, column]) + 0.5)
-        pose, score = refined(self._fine_points, self._field, np.array([x, y, angle * 2 * math.pi / self._angles]))
-        return Place(Pose2.of(pose), score)
 
     def _result(self) -> SearchResult:
         poses, _, _, found, given_up = self._state.counts.tolist()
-        places = self._apart()
-        config = self._config
+        config, places = self._config, self._apart()
         complete = not given_up and found < config.most_refined and poses < config.max_poses
-        return SearchResult(
-            tuple(places[: config.most]), complete and len(places) <= config.most, poses + found * POSES
-        )
+        told = tuple(Place(Pose2.of(place[:3]), float(place[3])) for place in places[: config.most])
+        return SearchResult(told, complete and len(places) <= config.most, poses + found * POSES)
 
-    def _apart(self) -> list[Place]:
-        """The best of the refined places, and its rivals: those apart from each other and from it, the best first."""
-        config, places = self._config, sorted(self._refined, key=lambda place: -place.score)
-        kept: list[Place] = []
-        for place in places:
-            if place.score < max(config.min_score, config.rival_share * places[0].score) or len(kept) > config.most:
-                break
-            if not any(self._is_near(place.T_map_base, other.T_map_base) for other in kept):
-                kept.append(place)
+    def _apart(self) -> list[Floats]:
+        """The best of the refined poses and its rivals (4,), apart from it and from each other, the best first."""
+        config = self._config
+        kept: list[Floats] = []
+        left = self._refined[np.argsort(-self._refined[:, 3], kind="stable")]
+        left = left[left[:, 3] >= max(config.min_score, config.rival_share * left[:1, 3].sum())]
+        while len(left) and len(kept) <= config.most:
+            kept.append(left[0])
+            off_m = np.hypot(*(left[:, :2] - left[0, :2]).T)
+            turned = np.abs(wrap_all(left[:, 2] - left[0, 2]))
+            left = left[(off_m >= config.apart_m) | (turned >= config.apart_rad)]
         return kept
-
-    def _is_near(self, a: Pose2, b: Pose2) -> bool:
-        return a.distance(b) < self._config.apart_m and abs(wrap(a.theta - b.theta)) < self._config.apart_rad
 
 
 def evenly(points: Floats, most: int) -> Floats:

@@ -1,7 +1,7 @@
 """The radio map of a building: its access points, the level of each, and what all of them cover."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -19,7 +19,10 @@ from wayfi.frontends.radio.radio_config import RadioConfig
 from wayfi.frontends.radio.survey import EPOCHS, Survey, survey
 
 HEARD_REACH = 3.0  # times reach_m around where it was heard, the level of an access point is told
-MISFIT = 1.2  # mean squared residual over which two positions are tried; of access points that stand it is about 0.5
+MISFIT = 1.7  # mean squared residual over which two positions are tried; of access points that stand it is 0.5 to 1
+SAMPLE, LEAST_SAMPLE = 30, 5  # boxes, and the fewest of them, from which the spread of levels is learnt
+SAMPLE_PLACES = 30  # where such a box is heard
+SCALES = (0.5, 2.0)  # of the configured spread: beyond that something else is wrong
 
 Bounds = tuple[Floats, Floats]
 
@@ -108,10 +111,30 @@ def radio_map(
     cells = cells_near(heard.xy, config)
     bounds = heard.xy.min(axis=0) - config.margin_m, heard.xy.max(axis=0) + config.margin_m
     found, access_points = boxes(heard), []
+    config = _calibrated(found, heard, bounds, config)
     for k, box in enumerate(found):
         access_points.append(_access_point(box, heard, bounds, cells, config))
         progress((k + 1) / len(found))
     return RadioMap(tuple(access_points), cells, heard.limit_dbm, config.usable_dbm)
+
+
+def _calibrated(found: list[Box], heard: Survey, bounds: Bounds, config: RadioConfig) -> RadioConfig:
+    """The settings with shadowing and fading as they are in this building.
+
+    The scale is half way, as a ratio, from the configured spread to that of maximum likelihood, which is too sure of
+    itself where shadowing is smoother than its model.
+    """
+    sample = [b for b in found if np.count_nonzero(b.readings) >= SAMPLE_PLACES and not _is_carried(b, heard, config)]
+    misfits = [place(evidence_of(box, heard, config).heard, bounds, config).misfit for box in sample[:SAMPLE]]
+    if len(misfits) < LEAST_SAMPLE:
+        return config
+    scale = float(np.clip(np.median(misfits) ** 0.25, *SCALES))
+    return replace(
+        config,
+        shadow_db=scale * config.shadow_db,
+        fading_db=scale * config.fading_db,
+        within_place_db=scale * config.within_place_db,
+    )
 
 
 def _access_point(box: Box, heard: Survey, bounds: Bounds, cells: Cells, config: RadioConfig) -> AccessPoint:

@@ -1,5 +1,6 @@
 """Loading a saved map: every file is verified, and what is lost is made up for as far as that goes."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,13 +56,13 @@ class LoadedMap:
         return self.manifest.map_version
 
 
-def load_map(path: Path) -> LoadedMap:
+def load_map(path: str | os.PathLike[str]) -> LoadedMap:
     """Load the map in the folder `path`, or in `map` of the results there.
 
     Every file is verified; what is damaged or missing is left out or made up for, with a warning. Raises MapError where
     there is no map, its keyframes are damaged, or a newer wayfi has written it.
     """
-    folder = map_folder(path)
+    folder = map_folder(Path(path))
     for _ in range(ATTEMPTS):
         manifest = read_manifest(folder)
         loading = _Loading(folder, manifest)

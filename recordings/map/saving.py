@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from wayfi.backend.grid.map_config import MapConfig
+from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.optimising import factors_in_force
 from wayfi.recordings.files.calibration_file import calibration_toml
@@ -33,7 +34,6 @@ from wayfi.recordings.map.manifest import Checksum, Manifest, MapName, checksum_
 from wayfi.recordings.map.parts import TABLES, Made, same
 
 STAGED = ".staged"
-FRAMES = {"map": "map", "base": "base_link"}
 
 
 def save_map(
@@ -62,8 +62,15 @@ class MapSaver:
     It knows by their identity which scans, factors and readings it has saved: they are never changed.
     """
 
-    def __init__(self, folder: Path, config: MapConfig | None = None, former: MapName | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        config: MapConfig | None = None,
+        former: MapName | None = None,
+        frames: FramesConfig | None = None,
+    ) -> None:
         self._folder, self._config, self._name = folder, config or MapConfig(), former
+        self._frames = frames or FramesConfig()
         self._made: dict[str, list[Made]] = {}
         self._files: dict[str, Checksum] = {}  # of `_folder`, as saved by this object last
 
@@ -88,7 +95,7 @@ class MapSaver:
             del files[name]
         former = self._name
         named = replace(former, map_version=former.map_version + 1) if former else MapName(_id_of(files), 1)
-        _write(staged / MANIFEST, manifest_text(_manifest(named, building, files)).encode())
+        _write(staged / MANIFEST, manifest_text(_manifest(named, building, files, self._frames)).encode())
         replace_map(staged, self._folder, files)
         self._made, self._files, self._name = made, files, named
         return named
@@ -128,14 +135,14 @@ def _whole_files(building: BuildingMap, config: MapConfig) -> Iterator[tuple[str
     yield from grid_files(building.grid, config).items()
 
 
-def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksum]) -> Manifest:
+def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksum], frames: FramesConfig) -> Manifest:
     keyframes = building.keyframes
     return Manifest(
         named.map_id,
         named.map_version,
         created=utc(max((keyframe.stamp_ns for keyframe in keyframes), default=0)),
         wayfi=version("wayfi"),
-        frames=FRAMES,
+        frames={"map": frames.map, "base": frames.base_link},
         floors=tuple(sorted({keyframe.floor for keyframe in keyframes})),
         counts={
             "keyframes": len(keyframes),

@@ -72,7 +72,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     few, stands = found["few"], found["stands"]
     return [
         f"{found['access_points']} access points with {found['bssids']} BSSIDs: {found['placed']} are placed to"
-        f" {found['placed_within_m']:g} m, {stands - found['placed']} worse: they are far from where the robot drove",
+        f" {found['placed_within_m']:g} m, {stands - found['placed']} worse: weak, or outside of what was driven",
         *([f"{few} were heard at too few places to have a position"] if few else []),
         f"{found['holes_square_metres']} of {found['square_metres']} m2 are below {found['usable_dbm']:g} dBm",
         *(f"{each['bssid']} {each['why']}" for each in found["told"]),

@@ -36,6 +36,9 @@ def replay(
     recording: RecordingPath,
     out: Annotated[Path, typer.Option(help="Folder for the results; made if need be.")],
     rate: Annotated[str, typer.Option(help="Times real time, or max.")] = "max",
+    known_map: Annotated[
+        Path | None, typer.Option("--map", help="Go on with this saved map: its folder, or results with one.")
+    ] = None,
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave session.rrd out.")] = False,
     config: Files = None,
     settings: Settings = None,
@@ -48,7 +51,7 @@ def replay(
         from wayfi.service.cli.summaries import print_replay
         from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 
-        options = ReplayOptions(out, playback_rate(rate), not no_rrd)
+        options = ReplayOptions(out, playback_rate(rate), not no_rrd, known_map)
         with output.progress(f"replay {recording}") as progress:
             configured, prior = settings_for(recording, config or (), settings or (), calibration)
             report = replay(recording, configured, prior, options, progress)
@@ -123,8 +126,18 @@ def inspect(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Show what a recording holds, what is wrong with it, and what to type next; exit 1 where it cannot be used."""
+    """Show what a recording holds, what is wrong with it, and what to type next; exit 1 where it cannot be used.
+
+    Of a saved map, or of results with one: what it holds, and whether it is whole.
+    """
     with command_output(quiet, as_json) as output:
+        from wayfi.service.maps.describing import describe, is_map
+
+        if is_map(recording):
+            from wayfi.service.cli.summaries import print_map
+
+            print_map(output, describe(recording))
+            return
         from wayfi.service.cli.summaries import print_diagnosis
         from wayfi.service.replay.diagnosis import diagnose
         from wayfi.service.replay.replay import settings_for

@@ -1,11 +1,13 @@
 """The summaries of results that commands print, as text and as JSON."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from wayfi.service.cli.inspection_text import lines_of
 from wayfi.service.evaluation.evaluate import Evaluation
+from wayfi.service.maps.describing import MapDescription, words_of
 from wayfi.service.process.console import Output
 from wayfi.service.replay.diagnosis import Diagnosis
 
@@ -65,6 +67,13 @@ def print_diagnosis(output: Output, diagnosis: Diagnosis) -> None:
         output.result(diagnosis.to_dict())
     else:
         output.error(diagnosis.verdict, diagnosis.to_dict())
+
+
+def print_map(output: Output, described: MapDescription) -> None:
+    """Print what a saved map holds."""
+    for line in words_of(described):
+        output.say(line)
+    output.result(asdict(described) | {"whole": described.whole})
 
 
 def _figure_text(value: float | None) -> str:

@@ -5,11 +5,13 @@ from collections.abc import Callable
 
 from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.daemon.daemon_state import StateMachine
-from wayfi.service.daemon.estimator_messages import Backlog, Save, Saved
+from wayfi.service.daemon.estimator_messages import Backlog, Edited, Save, Saved
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.drive.mode import Mode
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.commands import Command, Name
+
+MOST_DIGITS = 10  # of a closure's number
 
 
 class CommandHandler:
@@ -28,6 +30,7 @@ class CommandHandler:
         self._log = log
         self._has_map = has_map
         self._saving: deque[Command] = deque()
+        self._editing: deque[Command] = deque()
         self.paused = False
         self.mode = Mode.MAPPING
 
@@ -41,6 +44,8 @@ class CommandHandler:
                 self._saving.append(command)
                 self._record(command)
                 self._backlog.put(Save())
+            case Name.VETO | Name.RESTORE:
+                self._edit(command)
             case Name.RESET:
                 self._record(command)
                 self._machine.request_end()
@@ -54,10 +59,24 @@ class CommandHandler:
             error = saved.written.error
             self._saving.popleft().answer(not error, error or f"written to {self._folder.path}")
 
-    def fail_saves(self, why: str) -> None:
-        """Answer every `save` that waits with a failure."""
-        while self._saving:
-            self._saving.popleft().answer(False, why)
+    def handle_edited(self, edited: Edited) -> None:
+        """Answer the oldest veto or restore that waits."""
+        if self._editing:
+            self._editing.popleft().answer(edited.ok, edited.message)
+
+    def fail_waiting(self, why: str) -> None:
+        """Answer every command that waits with a failure."""
+        for waiting in (self._saving, self._editing):
+            while waiting:
+                waiting.popleft().answer(False, why)
+
+    def _edit(self, command: Command) -> None:
+        """Have a closure taken out or put back; answered when that is done."""
+        if not (command.argument.isascii() and command.argument.isdigit() and len(command.argument) < MOST_DIGITS):
+            command.answer(False, f"{command.name} needs the number of a closure, not {command.argument[:40]!r}")
+            return
+        self._editing.append(command)
+        self._backlog.put(ControlRecord(ControlKind.COMMAND, int(command.argument), command.name))
 
     def _change_mode(self, command: Command) -> None:
         if command.argument not in tuple(Mode):

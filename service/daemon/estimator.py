@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from wayfi.backend.errors import WayfiError
+from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
 from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.files.map_folder import MapError
@@ -22,6 +23,7 @@ from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import write_checkpoint
 from wayfi.service.daemon.estimator_messages import (
     Compiling,
+    Edited,
     Finish,
     Ready,
     Refused,
@@ -33,7 +35,7 @@ from wayfi.service.daemon.estimator_messages import (
 )
 from wayfi.service.daemon.live_log import LiveLog
 from wayfi.service.daemon.recovery import recover
-from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.control_records import RESTORE, ControlKind, ControlRecord
 from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
@@ -78,6 +80,8 @@ class Estimator:
                     self._report(events, published)
                 case ControlRecord(kind=ControlKind.CHECKPOINT, number=number):
                     self._checkpoint(number)
+                case ControlRecord() as record if record.edits:
+                    self._edit(record)
                 case ControlRecord() as record:
                     self._report(self._live.apply(record), None)
                 case Save():
@@ -107,6 +111,18 @@ class Estimator:
         if number == 1:
             self._outgoing.send(Compiling(total))
 
+    def _edit(self, record: ControlRecord) -> None:
+        """Take a closure out or put it back, and reply."""
+        done = "restored" if record.text == RESTORE else "vetoed"
+        reply = Edited(True, f"closure {record.number} is {done}, and the map optimised anew")
+        events: list[Event] = []
+        try:
+            events = self._live.edit(record)
+        except VetoError as error:
+            reply = Edited(False, str(error))
+        self._report(events, None)
+        self._outgoing.send(reply)
+
     def _checkpoint(self, number: int) -> None:
         if number % MAP_EVERY == 0:
             self._save_map()
@@ -128,7 +144,9 @@ class Estimator:
 
     def _saver_of(self, live: LiveDrive) -> MapSaver:
         folder = self._folder / MAP
-        live.saver = live.saver or MapSaver(folder, self._config.map, name_of_map(folder) or live.drive.former)
+        live.saver = live.saver or MapSaver(
+            folder, self._config.map, name_of_map(folder) or live.drive.former, self._config.frames
+        )
         return live.saver
 
     def _report(self, events: list[Event], published: PosePublished | None) -> None:

@@ -86,6 +86,14 @@ class Saved:
     written: Written
 
 
+@dataclass(frozen=True, slots=True)
+class Edited:
+    """The reply to the record of a veto or a restore: whether it was done, and a message for a person."""
+
+    ok: bool
+    message: str
+
+
 @dataclass(slots=True)
 class Update:
     """What is new: an estimate, all drops so far by topic and reason, events, the map as an OccupancyGrid in CDR."""
@@ -99,4 +107,4 @@ class Update:
 
 Request = Save | Finish
 Backlog = MessageQueue[Received | ControlRecord | Request]  # what the estimation has still to be fed
-Report = Compiling | Refused | Ready | Update | Saved | Written
+Report = Compiling | Refused | Ready | Update | Saved | Edited | Written

@@ -3,7 +3,8 @@
 import time
 
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import PosePublished
+from wayfi.frontends.events import PosePublished, Warned
+from wayfi.frontends.frames.frame_tree import frame_name
 from wayfi.frontends.measurements import Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
 from wayfi.recordings.ros.codec import decode
@@ -28,7 +29,8 @@ class LivePublisher:
         begins_map: bool = True,
     ) -> None:
         self._begins_map = begins_map
-        self._config = config.odometry
+        self._config, self._frames = config.odometry, config.frames
+        self._is_compared = False
         self._wheels = calibration.wheels if calibration else None
         self._publishers = publishers
         self._diagnostics = diagnostics
@@ -53,9 +55,21 @@ class LivePublisher:
         except CodecError:
             return
         assert isinstance(odometry, Odometry)
+        self._compare_frames(odometry)
         pose = self._live.add(odometry)
         if pose is not None:
             self.publish(pose, received.received_s)
+
+    def _compare_frames(self, odometry: Odometry) -> None:
+        """Complain where the odometry is in another frame than the transform that is published leads to."""
+        sent, published = frame_name(odometry.frame_id), frame_name(self._frames.odom)
+        if self._is_compared or not sent:
+            return
+        self._is_compared = True
+        if sent != published:
+            told = f"the odometry is in {sent!r}, but {published!r} is what tf gets below {self._frames.map!r}"
+            text = f"{told}: --set frames.odom={sent}"
+            self._diagnostics.handle(Warned(odometry.stamp_ns, text, "odometry.frame"), time.monotonic())
 
     def publish(self, pose: PosePublished, received_s: float) -> None:
         """Publish a pose, whose message was received at `received_s`, monotonic."""

@@ -17,6 +17,7 @@ from wayfi.service.daemon.diagnostics import Diagnostics
 from wayfi.service.daemon.estimator_messages import (
     Backlog,
     Compiling,
+    Edited,
     Ready,
     Refused,
     Report,
@@ -144,6 +145,8 @@ class MainLoop(Closing):
                 self._handle_update(report)
             case Saved():
                 self.handler.handle_saved(report)
+            case Edited():
+                self.handler.handle_edited(report)
             case Written():
                 self.written = report
 
@@ -205,7 +208,7 @@ class MainLoop(Closing):
 
     def _handle_death(self) -> None:
         """Start the estimation again. Poses go on meanwhile, unless the black box lacks messages."""
-        self.handler.fail_saves("the estimation ended unexpectedly")
+        self.handler.fail_waiting("the estimation ended unexpectedly")
         if not self.estimation.restart():
             self._give_up()
             return

@@ -22,13 +22,24 @@ class ControlKind(StrEnum):
     COMMAND = "command"  # executed a command
 
 
+VETO, RESTORE = "veto", "restore"  # the commands that edit the graph
+
+
 @dataclass(frozen=True, slots=True)
 class ControlRecord:
-    """One action: `number` is that of the estimate or checkpoint, or the ms away; `text` names the command or mode."""
+    """One action: `number` is that of the estimate, checkpoint or closure, or the ms away.
+
+    `text` names the command or mode.
+    """
 
     kind: ControlKind
     number: int = 0
     text: str = ""
+
+    @property
+    def edits(self) -> bool:
+        """Whether it is a command that edits the graph."""
+        return self.kind is ControlKind.COMMAND and self.text in (VETO, RESTORE)
 
     def to_json(self) -> bytes:
         """The record as JSON in UTF-8."""

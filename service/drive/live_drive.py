@@ -2,10 +2,12 @@
 
 import pickle
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.events import Dropped, DropReason, Event, PosePublished, Warned
 from wayfi.frontends.measurements import Measurement, Odometry, Sensor
 from wayfi.frontends.odometry.live_pose import Estimate, LivePose
@@ -13,7 +15,7 @@ from wayfi.recordings.log import Log, NullLog
 from wayfi.recordings.map.saving import MapSaver
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config
-from wayfi.service.drive.control_records import ControlKind, ControlRecord
+from wayfi.service.drive.control_records import RESTORE, ControlKind, ControlRecord
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.known_map import KnownMap
 from wayfi.service.drive.map_pickling import MapPickling
@@ -108,10 +110,17 @@ class LiveDrive:
                 return self.drive.switch(Mode(record.text))
             case ControlKind.AWAY:
                 return self._resume(record.number * 1e-3)
+            case ControlKind.COMMAND if record.edits:
+                with suppress(VetoError):  # which the daemon has told whoever asked
+                    return self.edit(record)
         return []
 
     def _new_live_pose(self) -> LivePose:
         return LivePose(self.drive.config.odometry, self._wheels, begins_map=self._begins_map)
+
+    def edit(self, record: ControlRecord) -> list[Event]:
+        """Do what a command that edits the graph asks for; returns the events. Raises VetoError."""
+        return self.drive.pipeline.edit(record.number, record.text == RESTORE)
 
     def _adopt(self, serial: int) -> None:
         """Base the live pose on the estimate of this number, or on the newest before where messages are missing."""

@@ -58,7 +58,8 @@ def write_results(
         write_calibration(directory / "calibration.toml", building.calibration)
         write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
         if drive.makes_map:
-            (saver or MapSaver(directory / MAP, drive.config.map, drive.former)).save(building)
+            former, known = (None, None) if estimate.is_separate else (drive.former, saver)
+            (known or MapSaver(directory / MAP, drive.config.map, former, drive.config.frames)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report

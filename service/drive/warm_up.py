@@ -15,6 +15,7 @@ import numpy as np
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import Pairs, best_hypothesis, headings_of
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry, PointCloud, Sensor, WifiScan
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.recordings.log import NullLog
@@ -40,21 +41,23 @@ Sense = Callable[[int, float], tuple[Sensor, Measurement]]
 def warm_up() -> None:
     """Feed the simulated drive to a pipeline of its own, and discard it; once in each process.
 
-    Where that had to be compiled, a drive with a 3D LiDAR follows.
+    Where that had to be compiled, a drive with a 3D LiDAR follows, and two in the map of the first.
     """
     compiled = []
     with watch_compilation(lambda number, _: compiled.append(number)):
-        _drive(_scan)
+        building = _drive(_scan)
         _search()
     if compiled:
         _drive(_cloud)
+        _drive(_scan, building)
+        _drive(_scan, building, extends=True)
 
 
-def _drive(sense: Sense) -> None:
-    drive = Drive(Config(), None, NullLog())
+def _drive(sense: Sense, known: BuildingMap | None = None, extends: bool = False) -> BuildingMap:
+    drive = Drive(Config(), None, NullLog(), known, extends)
     for sensor, measurement in _measurements(sense):
         drive.feed(sensor, Encoding.CDR, encode(measurement))
-    drive.finish()
+    return drive.finish().building
 
 
 def _search() -> None:

@@ -12,7 +12,7 @@ from wayfi.recordings.files.tables import ClosureRow
 from wayfi.recordings.trajectory import Flags, Trajectory
 from wayfi.service.evaluation.trajectory_scores import ScoringError
 
-CORRECT_WITHIN = {ClosureKind.WIFI: (3.0, 0.3), ClosureKind.LIDAR: (0.3, 0.05)}  # m, rad
+CORRECT_WITHIN = {ClosureKind.WIFI: (3.0, 0.3), ClosureKind.LIDAR: (0.3, 0.05), ClosureKind.FIX: (0.6, 0.2)}  # m, rad
 REFERENCE_WITHIN_S = 1.0
 MIN_CLOSURES_FOR_NEES = 20
 REVISIT_PATH_M, REVISIT_WITHIN_M, RECALLED_WITHIN_M = 50.0, 3.0, 5.0

@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from wayfi.backend.errors import WayfiError
     from wayfi.backend.graph.health import State
     from wayfi.backend.pose2 import Pose2
+    from wayfi.recordings.files.map_folder import MapError
     from wayfi.recordings.files.result_folder import ResultError
+    from wayfi.recordings.map.loading import LoadedMap, load_map
 
     from .arguments import ArgumentError
     from .recorded import replay
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ArgumentError",
     "FinishedError",
+    "LoadedMap",
+    "MapError",
     "Pose2",
     "Result",
     "ResultError",
@@ -29,6 +33,7 @@ __all__ = [
     "State",
     "WayfiError",
     "__version__",
+    "load_map",
     "load_result",
     "replay",
 ]
@@ -36,12 +41,15 @@ __all__ = [
 _MODULES = {
     "ArgumentError": ".arguments",
     "FinishedError": ".slam",
+    "LoadedMap": ".recordings.map.loading",
+    "MapError": ".recordings.files.map_folder",
     "Pose2": ".backend.pose2",
     "Result": ".results",
     "ResultError": ".recordings.files.result_folder",
     "Slam": ".slam",
     "State": ".backend.graph.health",
     "WayfiError": ".backend.errors",
+    "load_map": ".recordings.map.loading",
     "load_result": ".results",
     "replay": ".recorded",
 }

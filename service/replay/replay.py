@@ -23,6 +23,7 @@ from wayfi.service.config import Config, load_config
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.known_map import KnownMap, MapReference
 from wayfi.service.drive.live_drive import LiveDrive
+from wayfi.service.drive.mode import Mode
 from wayfi.service.drive.results import Source, write_results
 from wayfi.service.drive.warm_up import warm_up
 from wayfi.service.process.collection import loaded_objects_left_alone
@@ -40,11 +41,15 @@ class ReplayError(WayfiError):
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
-    """Where the results go; `rate` times real time, None as fast as it goes; whether session.rrd is written."""
+    """Where the results go; `rate` times real time, None as fast as it goes; whether session.rrd is written.
+
+    The drive goes on with the saved map at `known_map`, if one is given.
+    """
 
     out: Path
     rate: float | None = None
     rrd: bool = True
+    known_map: Path | None = None
 
 
 def settings_for(
@@ -75,11 +80,12 @@ def replay(
     """Replay a recording; returns the report. Raises RecordingError or ReplayError where nothing usable is in it.
 
     The results in `options.out` are either all of this replay or, where it raises, those that were there before. Raises
-    ResultError where they cannot be written.
+    ResultError where they cannot be written, and MapError where the map to go on with cannot be loaded.
     """
+    known = MapReference.of(options.known_map, Mode.MAPPING).load() if options.known_map else None
 
     def begin(recording: Recording, config: Config, log: Log) -> Replayer:
-        return replayer_of(recording, config, calibration, log)
+        return replayer_of(recording, config, calibration, log, known)
 
     return play_to_results(recording_path, config, options, begin, write_results, progress)
 
@@ -132,11 +138,17 @@ def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progr
         raise
 
 
-def replayer_of(recording: Recording, config: Config, calibration: Calibration | None, log: Log) -> Replayer:
-    """What plays the recording's records, in their order, into a drive."""
+def replayer_of(
+    recording: Recording, config: Config, calibration: Calibration | None, log: Log, known: KnownMap | None = None
+) -> Replayer:
+    """What plays the recording's records, in their order, into a drive that goes on with the `known` map, if any."""
     if recording.is_blackbox:
-        return BlackBoxReplayer(LiveDrive(config, calibration, log, _map_of(recording)))
-    return PlainReplayer(Drive(config, calibration, log))
+        return BlackBoxReplayer(LiveDrive(config, calibration, log, known or _map_of(recording)))
+    if known is None:
+        return PlainReplayer(Drive(config, calibration, log))
+    drive = Drive(config, calibration, log, known.building, extends=True)
+    drive.former = known.name
+    return PlainReplayer(drive)
 
 
 def _map_of(recording: Recording) -> KnownMap | None:

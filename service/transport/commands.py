@@ -23,6 +23,8 @@ class Name(StrEnum):
     RESET = "reset"
     SAVE = "save"
     MODE = "mode"
+    VETO = "veto"
+    RESTORE = "restore"
 
 
 class Command:

@@ -5,11 +5,23 @@ import pytest
 from drives import Simulated
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.events import Dropped, DropReason, Event, GridRedrawn, KeyframeAdded, PosePublished
-from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, Sensor
+from wayfi.frontends.events import (
+    ClosureKind,
+    Dropped,
+    DropReason,
+    Event,
+    GridRedrawn,
+    KeyframeAdded,
+    PosePublished,
+    Warned,
+)
+from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, PoseFix, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.switching_pipeline import SwitchingPipeline
+from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
+from wayfi.service.evaluation.trajectory_scores import absolute_error
 
 
 def driven(drive: Simulated) -> tuple[list[Event], list[Event], DriveEstimate]:
@@ -78,3 +90,44 @@ def test_an_initial_pose_of_a_drive_without_a_map_is_dropped_and_changes_nothing
     assert (event.sensor, event.reason, event.stamp_ns) == (Sensor.INITIAL_POSE, DropReason.NO_MAP, 1_000_000_000)
     published = [e for e in pipeline.process(Odometry(1_100_000_000, Pose2())) if isinstance(e, PosePublished)]
     assert published[0].T_map_base == Pose2()
+
+
+def test_without_anything_of_a_map_there_is_nothing_to_localise_in() -> None:
+    pipeline = SwitchingPipeline(load_config((), ()))
+    (warned,) = pipeline.switch(localises=True)
+    assert isinstance(warned, Warned)
+    assert "nothing of a map yet" in warned.text
+    assert not pipeline.localises
+    assert pipeline.switch(localises=False) == []
+
+
+def fixed(drive: Simulated, every: int, moved: Pose2 = Pose2()) -> DriveEstimate:
+    """A drive without laser and WiFi, with a fix of the true pose at each `every`-th message of odometry."""
+    pipeline = Pipeline(load_config((), ["lidar.enabled=false", "wifi.enabled=false"]))
+    T_truth_map = Pose2.of(drive.truth.poses[0])
+    odometry = 0
+    for arrival in drive.arrivals:
+        m = arrival.measurement
+        pipeline.process(m)
+        odometry += isinstance(m, Odometry)
+        if isinstance(m, Odometry) and odometry % every == 0:
+            true = Pose2.of(drive.truth.at(np.array([m.stamp_ns]))[0])
+            T_map_base = moved @ T_truth_map.between(true)
+            pipeline.process(PoseFix(m.stamp_ns, T_map_base, np.diag([0.05**2, 0.05**2, 0.02**2])))
+    return pipeline.finish()[0]
+
+
+def ate_m(result: DriveEstimate, drive: Simulated) -> float:
+    return absolute_error(Trajectory(result.stamps_ns, result.final), drive.truth).error.ate_rmse_m
+
+
+def test_fixes_from_outside_hold_the_drive_where_it_is(minute: Simulated) -> None:
+    without, some = fixed(minute, 10**9), fixed(minute, 100)
+    assert ate_m(some, minute) < min(0.1, 0.3 * ate_m(without, minute))
+    kinds = {closure.judged.kind for closure in some.building.closures}
+    assert kinds == {ClosureKind.FIX}
+
+
+def test_fixes_in_a_frame_of_their_own_change_nothing(minute: Simulated) -> None:
+    without, foreign = fixed(minute, 10**9), fixed(minute, 60, moved=Pose2(30.0, -4.0, 1.0))
+    np.testing.assert_array_equal(foreign.final, without.final)

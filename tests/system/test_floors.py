@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from buildings.elevators import RIDE_S, on_floor, ridden
 from drives import EPOCH_NS, Arrival, Simulated, simulated
-from elevators import RIDE_S, on_floor, ridden
 
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import ClosureJudged, Event, StateChanged, Verdict, Warned

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from building_maps.made_up import grown, made_up_map
 
+import wayfi
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.recordings.map.loading import load_map
 from wayfi.recordings.map.manifest import MapName
@@ -83,4 +84,4 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_results_are_as_good_a_path_as_the_map_in_them(tmp_path: Path) -> None:
     name = save_map(tmp_path / "map", made_up_map(3))
-    assert load_map(tmp_path).name == name
+    assert load_map(tmp_path).name == wayfi.load_map(str(tmp_path)).name == name

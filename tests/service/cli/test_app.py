@@ -14,7 +14,7 @@ from wayfi.service.cli.app import app
 
 PROMISED = {
     *("demo", "replay", "run", "localize", "view", "evaluate", "simulate", "inspect", "publish", "record", "import"),
-    *("reproduce", "config", "warm-up", "radio"),
+    *("reproduce", "config", "warm-up", "radio", "closures", "merge", "align"),
 }
 
 

@@ -29,6 +29,7 @@ from wayfi.service.blackbox.blackbox import MAP
 from wayfi.service.config import load_config
 
 RIGHT_M, RIGHT_RAD = 0.5, 0.1
+ROUND = ((2.0, 7.5), (14.0, 7.5), (2.0, 7.5))
 FASTER = 6.0  # than real time: the estimation still keeps up
 
 
@@ -153,7 +154,7 @@ def test_a_daemon_does_not_start_in_what_is_no_map(tmp_path: Path) -> None:
 
 
 def test_the_mode_is_changed_on_the_way_and_back_in_the_map_made_so_far(tmp_path: Path) -> None:
-    made = drive(storey(), [*ROUTE, *ROUTE[1:5]], day=2)
+    made = drive(storey(), [*ROUND, *ROUND[1:], *ROUND[1:]], day=2)
     cuts = np.linspace(0, len(made.arrivals), 4).astype(int)
     parts = [write(tmp_path / f"{n}.mcap", made.arrivals[a:b]) for n, (a, b) in enumerate(pairwise(cuts))]
     with running(tmp_path / "runs") as daemon:

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayfi.frontends.events import Dropped, Event, Warned
-from wayfi.frontends.measurements import MovingTransforms, Odometry, Sensor, Transform
+from wayfi.backend.pose2 import Pose2, diagonal_covariance
+from wayfi.frontends.closures.vetoes import VETOED
+from wayfi.frontends.events import Dropped, Event, Verdict, Warned
+from wayfi.frontends.measurements import MovingTransforms, Odometry, PoseFix, Sensor, Transform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.files.tum import read_tum
@@ -21,7 +23,7 @@ from wayfi.recordings.log import NullLog
 from wayfi.recordings.mcap.blocks import Record
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode, encode
-from wayfi.recordings.ros.messages import TF_MESSAGE
+from wayfi.recordings.ros.messages import POSE_WITH_COVARIANCE, TF_MESSAGE
 from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.simulation.recorder import simulate
 from wayfi.recordings.simulation.worlds.blueprints import World
@@ -35,8 +37,8 @@ from wayfi.service.evaluation.trajectory_scores import absolute_error
 from wayfi.service.replay.replayers import BlackBoxReplayer, PlainReplayer
 
 
-def control(kind: ControlKind, number: int = 0) -> Record:
-    return Record(CONTROL_TOPIC, "", "json", 0, ControlRecord(kind, number).to_json())
+def control(kind: ControlKind, number: int = 0, text: str = "") -> Record:
+    return Record(CONTROL_TOPIC, "", "json", 0, ControlRecord(kind, number, text).to_json())
 
 
 class Daemon:
@@ -128,6 +130,39 @@ def test_the_black_box_gives_the_same_drive(drive: Recorded) -> None:
         if number == 1500:
             daemon.play(control(ControlKind.AWAY, 1000))
     assert same(played(daemon.blackbox), daemon.replayer.drive.finish())
+
+
+def with_fixes(drive: Recorded) -> Iterator[Record]:
+    """A fix of the true pose now and then, which becomes a closure."""
+    first = Pose2.of(drive.truth.poses[0])
+    for number, record in enumerate(drive.records):
+        yield record
+        if record.topic == "/odom" and number % 150 == 100:
+            odometry = decode(record.data, Sensor.ODOM, Encoding.CDR)
+            true = Pose2.of(drive.truth.at(np.array([odometry.stamp_ns]))[0])
+            fix = PoseFix(odometry.stamp_ns, first.between(true), diagonal_covariance(0.3, 0.2))
+            yield replace(record, topic="/fix", type_name=POSE_WITH_COVARIANCE, data=encode(fix))
+
+
+def test_vetoes_and_restores_replay_to_the_same_drive(drive: Recorded) -> None:
+    """Of a closure that is part of the map, and of some that are not, which changes nothing."""
+    daemon = Daemon(37)
+    for number, record in enumerate(with_fixes(drive)):
+        daemon.feed(record)
+        verdicts = daemon.replayer.drive.counters.verdicts
+        accepted = [n for n, v in verdicts.items() if v.verdict is Verdict.ACCEPTED]
+        if number % 400 == 399:
+            for closure in [*accepted[-2:], 10_000]:
+                daemon.play(control(ControlKind.COMMAND, closure, "veto"))
+        if number % 1200 == 1199:
+            daemon.play(control(ControlKind.CHECKPOINT, number))
+            daemon.play(control(ControlKind.COMMAND, min(verdicts, default=0), "restore"))
+    vetoed = [v for v in daemon.replayer.drive.counters.verdicts.values() if v.reason == VETOED]
+    live = daemon.replayer.drive.finish()
+    assert vetoed
+    assert live.building.vetoed == {v.closure for v in vetoed}
+    assert all(live.building.closures[v.closure].factors for v in vetoed)
+    assert same(played(daemon.blackbox), live)
 
 
 def with_transforms(records: list[Record]) -> Iterator[Record]:

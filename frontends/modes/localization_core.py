@@ -6,6 +6,7 @@ from wayfi.backend.graph.health import Health, State
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
+from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.event_making import grid_event, points_of
 from wayfi.frontends.events import Event, HypothesesFollowed, StateChanged
 from wayfi.frontends.intake.pose_intake import PlacedPose
@@ -74,6 +75,11 @@ class LocalizationCore:
         """Claim a pose at the newest keyframe, of (3, 3) `covariance`, that was claimed in this map until now."""
         self._localizer.take_over(T_map_base, covariance)
         return self._changes(stamp_ns)
+
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Raise VetoError: the map stays as it is."""
+        done = "restored" if restored else "vetoed"
+        raise VetoError(f"closure {closure} cannot be {done} while the robot localises: edit the map (wayfi closures)")
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:
         """Add a keyframe at `point`, with its scan if there is one, and compare it with the map."""

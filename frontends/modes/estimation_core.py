@@ -4,11 +4,11 @@ from typing import Protocol
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.continued_slam import ContinuedSlam
 from wayfi.frontends.events import Event
 from wayfi.frontends.intake.pose_intake import PlacedPose
-from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.modes.continued_slam import ContinuedSlam
+from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.odometry_config import calibration_prior
@@ -50,6 +50,9 @@ class EstimationCore(Protocol):
 
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Add a pose from outside."""
+
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Take an accepted closure out of the estimate, or put a vetoed one back. Raises VetoError."""
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""

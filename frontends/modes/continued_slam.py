@@ -8,10 +8,11 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, covaria
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event, StateChanged, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose
-from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.continuing import MapFix
+from wayfi.frontends.maps.pruning import pruned
 from wayfi.frontends.maps.selecting import alone
+from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -74,17 +75,33 @@ class ContinuedSlam(SlamCore):
         if found is None:
             return events
         self._finding = None
-        return [*events, *self.join(stamp_ns, [self._fix(found.keyframe, found.T_map_base, found.covariance)])]
+        return [*events, *self._join(stamp_ns, self._fix(found.keyframe, found.T_map_base, found.covariance))]
+
+    def _join(self, stamp_ns: int, fix: MapFix) -> list[Event]:
+        """Move the drive to where it was found in the map."""
+        keyframes, poses = self.keyframes, self.poses.copy()
+        T = Pose2.of(poses[fix.a]) @ fix.T_a_b @ Pose2.of(poses[fix.b]).inverse()
+        poses[keyframes.first :] = compose_all(T.array(), poses[keyframes.first :])
+        keyframes.join(fix.a)
+        judged = self._lidar_closer.enter_fix(fix)
+        self._graph.restart(self._graph.calibrations(), poses)
+        self._graph.settle()
+        return [judged, *self._estimate.update(stamp_ns, moved=True)]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
-        """Close the last loops and draw the grid; the drive is a map of its own if the robot was not found."""
+        """Close the last loops, and leave out of the map what the drive has only repeated.
+
+        If the robot was not found, the drive is a map of its own.
+        """
         result, events = super().finish(trajectories)
         if self._finding is None or not self.keyframe_count:
-            return result, events
+            kept = pruned(result.building, self._config.pruning, self._config.lidar.visibility, self._config.map)
+            return replace(result, building=kept), events
         T = Pose2.of(result.building.poses[self.keyframes.first]).inverse()
         building = alone(result.building, self.keyframes.first, self._config.map)
         told = Warned(int(result.stamps_ns[-1]), "the robot was not found in the map: the drive is a map of its own")
-        return replace(result, final=compose_all(T.array(), result.final), building=building), [*events, told]
+        final = compose_all(T.array(), result.final)
+        return replace(result, final=final, building=building, is_separate=True), [*events, told]
 
     def _fix(self, keyframe: int, T_map_base: Pose2, covariance: Floats) -> MapFix:
         """The pose that was found of a keyframe of the drive, in the nearest keyframe of the map."""
