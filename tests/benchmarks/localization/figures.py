@@ -11,6 +11,7 @@ COLUMNS = [
     *("false claims, of all (TRACKING)", "TRACKING, not right", "worst, m", "CPU, s a run / longest, ms"),
 ]
 WITHIN_S = (5.0, 10.0, 30.0)
+NOWHERE_M = 1e5
 
 
 def cells(name: str, scores: Sequence[Score], cpu: Sequence[tuple[float, float]]) -> list[str]:
@@ -30,7 +31,7 @@ def cells(name: str, scores: Sequence[Score], cpu: Sequence[tuple[float, float]]
         f"{sum(s.false > 0 for s in scores)} ({sum(s.false_tracking > 0 for s in scores)})",
         f"{false} of {claims} ({sum(s.false_tracking for s in scores)})",
         str(sum(s.off_tracking for s in scores)),
-        f"{max((s.worst_m for s in scores), default=0.0):.2f}",
+        worst(scores),
         f"{np.mean([s for s, _ in cpu]):.1f} / {max(ms for _, ms in cpu):.0f}",
     ]
 
@@ -39,3 +40,9 @@ def seconds(found: "np.typing.NDArray[np.float64]", share: float) -> str:
     """The seconds within which `share` of all runs, those that never found it included, found it."""
     value = float(np.quantile(found, share, method="inverted_cdf"))
     return f"{value:.1f}" if np.isfinite(value) else "never"
+
+
+def worst(scores: Sequence[Score]) -> str:
+    """The largest error of all claims, m; of claims in the map of another building it means nothing."""
+    metres = max((s.worst_m for s in scores), default=0.0)
+    return f"{metres:.2f}" if metres < NOWHERE_M else "elsewhere"
