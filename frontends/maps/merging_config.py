@@ -26,6 +26,8 @@ class MergingConfig:
     agree_rad: float = option(0.05, "rad", "as above")
     min_checks: int = option(5, "checks", "that agree by the laser, where WiFi says the same")
     min_checks_alone: int = option(12, "checks", "that agree where the laser is alone: halls look alike")
+    min_searched: int = option(6, "parts", "of a map, that the laser alone finds in the other at places that agree")
+    min_found: float = option(0.4, "", "of the parts searched for; the maps of two drives may cover other rooms")
     min_agreeing: float = option(0.5, "", "of the checks where both maps have scans")
     max_seen_through: float = option(0.25, "", "of walls in view, in the median over those places: a map changes a lot")
     wifi_alone_places: int = option(12, "places", "independent, where there is no laser to confirm them")

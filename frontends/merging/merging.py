@@ -19,12 +19,14 @@ from wayfi.frontends.maps.joining import Tie, join
 from wayfi.frontends.maps.merging_config import MergingConfig
 from wayfi.frontends.maps.optimising import OptimisingConfig
 from wayfi.frontends.merging.laser_overlap import Spot, agreeing, check_along
+from wayfi.frontends.merging.laser_search import search_overlap
 from wayfi.frontends.merging.wifi_overlap import LikePlaces, Overlap, find_overlap, independent_places, like_places
 from wayfi.frontends.odometry.odometry_config import calibration_prior
 from wayfi.frontends.slam_config import SlamConfig
 
 UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 TIE_SIGMAS = (0.2, 0.02)  # m and rad: of what the laser has found at many places, from which it looks once more
+SEARCHED_SIGMAS = (0.4, 0.05)  # m and rad: of a search in cells of 0.2 m
 ROUNDS = 3  # of leaving out ties that the joined map contradicts
 MOST_LEFT_OUT = 0.2  # of the ties: more say that the maps do not belong together
 
@@ -56,7 +58,7 @@ def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
     if not by_wifi and not by_laser:
         raise MergeError("the maps have neither WiFi nor scans in common: nothing tells whether they overlap")
     if not by_wifi:
-        raise MergeError("one of the maps has no WiFi: they are not merged by the laser alone")
+        return _merged_by_laser(a, b, config)
     pairs = like_places(a, b, config.wifi.similarity_sigma_db, config.merging)
     overlap = _overlap(pairs, by_laser, config.merging)
     T = overlap.T_a_b
@@ -67,6 +69,25 @@ def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
     T, spots = _confirmed(a, b, T, sigmas, config.merging.min_checks, config)
     building = _joined(a, b, T, [_laser_tie(spot) for spot in spots], config)
     return Merged(building, T, overlap.places, len(spots), _spread_m(b, spots, config.merging))
+
+
+def _merged_by_laser(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
+    """Maps of which one has no WiFi: more is asked of the laser, since buildings repeat."""
+    found, bounds = search_overlap(a, b, config), config.merging
+    if found is None or found.agreeing < bounds.min_searched or found.agreeing < bounds.min_found * found.searched:
+        agreeing, searched = (found.agreeing, found.searched) if found else (0, 0)
+        raise MergeError(
+            f"the laser does not find one map in the other: {agreeing} of {searched} parts agree on where it lies; "
+            f"{bounds.min_searched}, and {bounds.min_found:.0%}, are needed where there is no WiFi"
+        )
+    if found.rival > bounds.max_rival * found.agreeing:
+        raise MergeError(
+            f"the maps fit in more than one way: {found.agreeing} parts of one agree on where it lies, {found.rival} "
+            "on another place; the building repeats, and WiFi could tell"
+        )
+    T, spots = _confirmed(a, b, found.T_a_b, SEARCHED_SIGMAS, bounds.min_checks_alone, config)
+    building = _joined(a, b, T, [_laser_tie(spot) for spot in spots], config)
+    return Merged(building, T, 0, len(spots), _spread_m(b, spots, bounds))
 
 
 def _has_scans(building: BuildingMap) -> bool:

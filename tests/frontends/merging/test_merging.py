@@ -10,6 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, compose_all
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.merging.merging import MergeError, merge
 from wayfi.frontends.slam_config import SlamConfig
+from wayfi.recordings.simulation.surfaces import box
 
 CONFIG = SlamConfig()
 HALL = hall()
@@ -53,6 +54,27 @@ def test_without_scans_wifi_joins_them_more_coarsely() -> None:
     merged = merge(a, b, CONFIG)
     assert off(merged.T_a_b, FIRST, OTHER_WAY)[0] < 1.5
     assert merged.checks == 0
+
+
+def test_without_wifi_the_laser_finds_one_in_the_other(first: BuildingMap, second: BuildingMap) -> None:
+    merged = merge(replace(first, fingerprints=[]), second, CONFIG)
+    assert off(merged.T_a_b, FIRST, OTHER_WAY)[0] < 0.05
+    assert (merged.places, merged.checks >= 12) == (0, True)
+
+
+@pytest.mark.slow
+def test_without_wifi_another_hall_is_refused(first: BuildingMap) -> None:
+    other = map_of(Hall(1.3 * hall(5).walls - 3.0, "aa", HALL.places), OTHER_WAY, wifi=False)
+    with pytest.raises(MergeError, match=r"the laser does not find|does not confirm|in more than one way|contradicts"):
+        merge(first, other, CONFIG)
+
+
+@pytest.mark.slow
+def test_without_wifi_a_hall_that_looks_alike_from_both_ends_is_refused() -> None:
+    bare = Hall(box(0.0, 0.0, LENGTH_M, 24.0), "aa", HALL.places)
+    maps = [map_of(bare, truth, seed=seed, wifi=False) for seed, truth in enumerate((FIRST, OTHER_WAY))]
+    with pytest.raises(MergeError, match=r"in more than one way|does not confirm|does not find"):
+        merge(*maps, CONFIG)
 
 
 def test_a_hall_with_other_access_points_is_another_building(first: BuildingMap) -> None:
