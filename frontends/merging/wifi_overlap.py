@@ -19,6 +19,7 @@ from wayfi.frontends.wifi.fingerprint_index import FingerprintIndex
 from wayfi.frontends.wifi.receivers import ReceiverOffset
 
 UNKNOWN_WEIGHT = 0.02  # of an access point that neither map has weighed: that of one that predicts no place
+BLOCK = 512  # fingerprints that are compared with the other map at once: bounds the memory
 REFINED = 10  # times by least squares from the motion that was voted for: it settles in three
 
 
@@ -60,9 +61,11 @@ def like_places(a: BuildingMap, b: BuildingMap, sigma_db: float, config: Merging
     if not of_a or not of_b:
         none = np.zeros(0, np.int64)
         return LikePlaces(none, none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    similarity = index.similarities(np.arange(of_a, of_a + of_b), np.arange(of_a))
-    best = np.argmax(similarity, axis=1)
-    highest = similarity[np.arange(of_b), best]
+    best, highest = np.zeros(of_b, np.int64), np.zeros(of_b)
+    for first in range(0, of_b, BLOCK):
+        rows = np.arange(first, min(first + BLOCK, of_b))
+        similarity = index.similarities(of_a + rows, np.arange(of_a))
+        best[rows], highest[rows] = np.argmax(similarity, axis=1), similarity.max(axis=1)
     like = np.flatnonzero(highest >= config.min_similarity)
     places_a, places_b = a.fingerprint_poses()[:, :2], b.fingerprint_poses()[:, :2]
     return LikePlaces(best[like], like, places_a[best[like]], places_b[like], highest[like])
