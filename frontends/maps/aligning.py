@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.grid.map_config import MapConfig
-from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.backend.pose2 import Floats, Pose2, compose_all, rigid_fit
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.optimising import drawn
 from wayfi.frontends.measurements import SECOND_NS
@@ -67,15 +67,6 @@ def moved(building: BuildingMap, T_new_map: Pose2, config: MapConfig) -> Buildin
     return replace(building, poses=poses, grid=drawn(building.keyframes, poses, config))
 
 
-def rigid_motion(places: Floats, onto: Floats) -> Pose2:
-    """The motion that brings (n, 2) places onto others by least squares (Kabsch 1976)."""
-    middle, to = places.mean(axis=0), onto.mean(axis=0)
-    H = (places - middle).T @ (onto - to)
-    turn = math.atan2(H[0, 1] - H[1, 0], H[0, 0] + H[1, 1])
-    x, y = to - Pose2(0.0, 0.0, turn).transform(middle[None])[0]
-    return Pose2(float(x), float(y), turn)
-
-
 def _places_at(building: BuildingMap, stamps_ns: NDArray[np.int64]) -> tuple[Floats, NDArray[np.bool_]]:
     """(n, 2) where the robot was at each stamp, between the keyframes around it; and whether the map knows."""
     stamps = np.array([k.stamp_ns for k in building.keyframes], np.int64)
@@ -100,14 +91,14 @@ def _best(places: Floats, onto: Floats) -> Pose2:
     for i, j in combinations(tried, 2):
         if math.hypot(*(places[i] - places[j])) < APART_M:
             continue
-        T = rigid_motion(places[[i, j]], onto[[i, j]])
+        T = rigid_fit(places[[i, j]], onto[[i, j]])
         off = np.hypot(*(T.transform(places) - onto).T)
         near = off <= AGREE_M
         score = int(near.sum()), -float(off[near].sum())
         if score > most:
             best, most = T, score
     agreeing = np.hypot(*(best.transform(places) - onto).T) <= AGREE_M
-    return rigid_motion(places[agreeing], onto[agreeing]) if agreeing.sum() >= 2 else best
+    return rigid_fit(places[agreeing], onto[agreeing]) if agreeing.sum() >= 2 else best
 
 
 def _contradiction(places: Floats, onto: Floats, agreeing: int) -> str:
@@ -117,7 +108,7 @@ def _contradiction(places: Floats, onto: Floats, agreeing: int) -> str:
     scale = float(on_plan / spread)
     if scale > 0.0:
         middle, to = places.mean(axis=0), onto.mean(axis=0)
-        T = rigid_motion((places - middle) * scale, onto - to)
+        T = rigid_fit((places - middle) * scale, onto - to)
         off = np.hypot(*(T.transform((places - middle) * scale) - (onto - to)).T)
         if len(places) > 2 and off.max() <= AGREE_M * scale and abs(scale - 1.0) > SCALE_OFF:
             return f"{told}; they would if a metre of the plan were {scale:.4g}: give them in metres"

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap
+from wayfi.backend.pose2 import Floats, Pose2, between_all, rigid_fit, wrap
 from wayfi.frontends.closures.lidar_check import CheckResult, Expected, check
 from wayfi.frontends.lidar.visibility import seen_through_share
-from wayfi.frontends.maps.aligning import rigid_motion
 from wayfi.frontends.maps.building_map import BuildingMap, MapKeyframe
 from wayfi.frontends.maps.merging_config import MergingConfig
 from wayfi.frontends.scan_points import ScanPoints
@@ -83,7 +82,7 @@ def _common(spots: Sequence[Spot], b: BuildingMap) -> Pose2:
     own = b.poses[[spot.b for spot in spots]]
     found = np.array([spot.T_map.array() for spot in spots])
     arm_m = float(np.hypot(*(own[:, :2] - own[:, :2].mean(axis=0)).T).mean())
-    fitted = rigid_motion(own[:, :2], found[:, :2])
+    fitted = rigid_fit(own[:, :2], found[:, :2])
     turns = found[:, 2] - own[:, 2]
     turn = math.atan2(float(np.sin(turns).mean()), float(np.cos(turns).mean()))
     if arm_m > 1.0 and abs(wrap(fitted.theta - turn)) < math.pi / 2:

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.maps.aligning import rigid_motion
+from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.joining import joined_receivers, joined_weights
 from wayfi.frontends.maps.merging_config import MergingConfig
@@ -124,7 +123,7 @@ def _refined(T: Pose2, pairs: LikePlaces, config: MergingConfig) -> Pose2:
         near = _explained(T, pairs, config)
         if near.sum() < 2:
             return T
-        T = rigid_motion(pairs.place_b[near], pairs.place_a[near])
+        T = rigid_fit(pairs.place_b[near], pairs.place_a[near])
     return T
 
 
