@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from drives import Simulated
-from faulty.fuzzed_drive import as_cloud, as_transforms, fuzzed, sensor_of, thinned
+from faulty.fuzzed_drive import as_cloud, as_outside_poses, as_transforms, fuzzed, sensor_of, thinned
 from faulty.fuzzing import Mutator
 from scanning import cut
 
@@ -63,6 +63,7 @@ def messages_of(sensor: Sensor, minute: Simulated) -> list[Measurement]:
     some = [thinned(a.measurement) for a in minute.arrivals[:60]]
     some += [as_cloud(m) for m in some if isinstance(m, LaserScan)]
     some += [as_transforms(m) for m in some if isinstance(m, Odometry)]
+    some += [pose for m in some if isinstance(m, Odometry) for pose in as_outside_poses(m)]
     return [m for m in some if sensor_of(m) is sensor]
 
 

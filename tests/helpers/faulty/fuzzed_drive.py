@@ -108,8 +108,7 @@ def fuzzed(drive: Sequence[Measurement], messages: int, seed: int) -> Iterator[F
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))
             elif isinstance(m, Odometry):
                 latest[Sensor.TF] = encode(as_transforms(m))
-                latest[Sensor.FIX] = encode(PoseFix(m.stamp_ns, m.pose, np.eye(3)))
-                latest[Sensor.INITIAL_POSE] = encode(InitialPose(m.stamp_ns, m.pose, np.eye(3)))
+                latest |= {sensor_of(pose): encode(pose) for pose in as_outside_poses(m)}
             elif isinstance(m, PointCloud):
                 latest[Sensor.SCAN] = encode(_as_scan(m))
                 latest[Sensor.TF_STATIC] = encode(_mounts(m))
@@ -128,6 +127,11 @@ def as_transforms(m: Odometry) -> MovingTransforms:
     pose = Transform(m.frame_id, m.child_frame_id, (m.pose.x, m.pose.y, 0.0), turn)
     laser = Transform(m.child_frame_id, "laser", (0.2, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
     return MovingTransforms(m.stamp_ns, (pose, laser), (m.stamp_ns, m.stamp_ns))
+
+
+def as_outside_poses(m: Odometry) -> list[Measurement]:
+    """The same pose as a fix, and as an initial pose."""
+    return [kind(m.stamp_ns, m.pose, np.eye(3)) for kind in (PoseFix, InitialPose)]
 
 
 def _as_scan(cloud: PointCloud) -> LaserScan:

@@ -172,7 +172,7 @@ def test_the_mode_is_changed_on_the_way_and_back_in_the_map_made_so_far(tmp_path
     assert metres.max() < RIGHT_M
     assert radians.max() < RIGHT_RAD
     assert load_map(daemon.folder).building.keyframes
-    assert {change["state"] for change in report_of(daemon.folder)["status_changes"]} == {"TRACKING"}
+    assert {change["state"] for change in report_of(daemon.folder)["status_changes"]} <= {"TRACKING", "UNCERTAIN"}
     assert replays_alike(daemon.folder, tmp_path / "again")
 
 
