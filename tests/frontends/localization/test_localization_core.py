@@ -10,9 +10,9 @@ from rooms import see
 from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.localization.local_track import KEPT
-from wayfi.frontends.localization_core import LocalizationCore
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.scan_points import PlacedScan
