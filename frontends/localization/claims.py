@@ -14,9 +14,14 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     `complete` tells that no place where the robot may be was left out by the last search.
     """
     best = cluster.best
+    if wifi.is_elsewhere(config.least_in_map):
+        return _not_yet(FailureCategory.NOT_IN_MAP, "WiFi hears little that is in this map")
     if best.agreed < config.fixes or best.agreed_m < config.path_m:
         needed = f"{config.fixes} along {config.path_m:g} m confirm it"
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"{best.agreed} scans in a row agree on a place; {needed}")
+    least = config.min_quality if wifi.known else config.min_quality_alone
+    if best.quality < least:
+        return _not_yet(FailureCategory.NOT_FOUND_YET, f"the scans fit the map to {best.quality:.2f}, under {least:g}")
     if wifi.nats(best.T_map_base) < -config.most_below_best:
         return _not_yet(FailureCategory.WIFI_ELSEWHERE, "WiFi names another place than the laser")
     if cluster.gain < config.min_gain:

@@ -10,6 +10,7 @@ from wayfi.frontends.localization.local_track import KEPT, LocalTrack, moved_cov
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.map_matching import Agreement, Fix, error
 
+QUALITY_GAIN = 0.25  # of the newest fix in the mean quality: that of the last four
 SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
 
@@ -17,7 +18,8 @@ SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 class Hypothesis:
     """The robot is at `T_map_base` at the local `keyframe`, with (3, 3) covariance in `map`.
 
-    `evidence` (nats) sums what its fixes lack of a perfect fit; `proposed` searches found it. `agreed` fixes in a row
+    `evidence` (nats) sums what its fixes lack of a perfect fit; `proposed` searches found it. `quality` is the
+    mean one of its last fixes. `agreed` fixes in a row
     agree, over `agreed_m` of path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the
     map. Only fixes at other places than the one before count.
     """
@@ -27,6 +29,7 @@ class Hypothesis:
     keyframe: int
     evidence: float = 0.0
     proposed: int = 1
+    quality: float = 1.0
     agreed: int = 0
     agreed_from_m: float = 0.0
     agreed_to_m: float = 0.0
@@ -81,6 +84,7 @@ class Hypothesis:
             self._count(fix, path_m, config)
 
     def _count(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
+        self.quality += QUALITY_GAIN * (fix.quality - self.quality)
         self.evidence += config.evidence_per_fit * (fix.quality - 1.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m

@@ -63,8 +63,8 @@ class Localizer:
         """Go on to the track's newest keyframe."""
         step = self._track.step_to(self._track.newest)
         self._belief.move(step.pose, step.covariance)
-        if self._wifi.known:
-            self._wifi = WifiSupport(self._belief.places(WIFI_PLACES))
+        if self._wifi.heard:
+            self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), heard=True)
         if step.moved:
             self._proposals.restart()
         if self.claimed is None:
@@ -79,11 +79,12 @@ class Localizer:
     def add_wifi(self, receiver: str, readings: Readings) -> None:
         """Use a WiFi scan."""
         self._belief.add(receiver, readings)
-        self._wifi = WifiSupport(self._belief.places(WIFI_PLACES))
+        self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), heard=True)
         if self.claimed is None:
             return
         config, T = self._config.claim, self.claimed.T_map_base
         apart = self._wifi.nats(T) < -config.wifi_below_best and self._wifi.metres(T) > config.wifi_apart_m
+        apart |= self._wifi.is_elsewhere(config.least_in_map)
         self._elsewhere = self._elsewhere + 1 if apart else 0
 
     def add_initial(self, T_map_base: Pose2, covariance: Floats) -> None:

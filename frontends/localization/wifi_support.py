@@ -14,10 +14,13 @@ FLOOR_M = 0.5  # added to WiFi's sigma: what a map's fingerprints are spread by
 
 
 class WifiSupport:
-    """The mixture of the places that WiFi names, as a density of the position."""
+    """The mixture of the places that WiFi names, as a density of the position.
 
-    def __init__(self, places: Sequence[PlaceBelief]) -> None:
-        self.places = tuple(places)
+    `heard` tells whether any scan has come at all.
+    """
+
+    def __init__(self, places: Sequence[PlaceBelief], heard: bool = False) -> None:
+        self.places, self.heard = tuple(places), heard
         self._means = np.array([(p.T_map_base.x, p.T_map_base.y) for p in places]).reshape(-1, 2)
         covariances = np.array([_position(p) for p in places]).reshape(-1, 2, 2)
         self._information = np.linalg.inv(covariances)
@@ -33,6 +36,10 @@ class WifiSupport:
     def weight(self) -> float:
         """The probability, 0 to 1, that WiFi gives to the places that it names."""
         return sum(place.weight for place in self.places)
+
+    def is_elsewhere(self, least_weight: float) -> bool:
+        """Whether WiFi gives less than `least_weight` to all places of this map."""
+        return self.heard and self.weight < least_weight
 
     def nats(self, T_map_base: Pose2) -> float:
         """The logarithm of the density at a pose over that at WiFi's best place; 0 where WiFi names none."""
