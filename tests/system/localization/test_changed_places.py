@@ -99,7 +99,7 @@ def test_of_two_halls_that_look_alike_wifi_tells_which(twins: Mapped, tmp_path: 
     assert result.states[-1] == "TRACKING", result.reasons
 
 
-@pytest.mark.xfail(reason="places that WiFi names are not claimed without a laser yet")
+@pytest.mark.xfail(reason="claims are 3.9 m off at the median in this small building, 3 m are wanted")
 def test_without_a_laser_it_is_found_more_coarsely(mapped: Mapped, tmp_path: Path) -> None:
     there_and_back = (*WAY, (9.0, 2.5), (9.0, 7.5), (2.0, 7.5), (20.0, 7.5))
     result = localised(mapped, drive(OLD, there_and_back, day=1, robot=Robot(mount=None)), tmp_path)
@@ -108,7 +108,6 @@ def test_without_a_laser_it_is_found_more_coarsely(mapped: Mapped, tmp_path: Pat
     assert result.errors_m.max() < 6.0
 
 
-@pytest.mark.xfail(reason="says that no place has been found yet")
 def test_with_neither_laser_nor_wifi_it_says_that_nothing_tells_where_it_is(mapped: Mapped, tmp_path: Path) -> None:
     result = localised(mapped, drive(OLD, WAY, day=1, robot=Robot(mount=None, wifi=False)), tmp_path)
     assert len(result.errors_m) == 0
