@@ -56,9 +56,9 @@ class WifiBeliefConfig:
 class CoarseClaimConfig:
     """When WiFi and wheels alone may claim a pose."""
 
-    confirm_weight: float = option(0.9, "", "of the belief that a place must hold")
-    keep_weight: float = option(0.7, "", "of the belief with which a claimed place stays so")
+    confirm_weight: float = option(0.8, "", "of the belief that a place must hold")
+    keep_weight: float = option(0.6, "", "of the belief with which a claimed place stays so")
     in_map: float = option(0.5, "", "of the belief that all places together hold: with less it is not in this map")
     sigma_m: float = option(2.5, "m", "of the place: right within 3 m is what WiFi is good for")
     sigma_rad: float = option(0.6, "rad", "of the heading, which driving tells")
-    path_m: float = option(4.0, "m", "of path over which a place is confirmed, or given up")
+    path_m: float = option(2.0, "m", "of path over which a place is confirmed, or given up: shadowing is new after it")

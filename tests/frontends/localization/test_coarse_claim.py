@@ -26,10 +26,10 @@ def building() -> BuildingMap:
 
 
 def judged(*places: PlaceBelief | None) -> CoarseClaim:
-    """A claim after a robot has found `places` a metre apart."""
+    """A claim after a robot has found `places` half a metre apart."""
     claim = CoarseClaim(CONFIG)
-    for metre, place in enumerate(places):
-        claim.judge([] if place is None else [place], float(metre))
+    for k, place in enumerate(places):
+        claim.judge([] if place is None else [place], 0.5 * k)
     return claim
 
 
