@@ -4,8 +4,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from buildings.robots import drive
-from buildings.storey import ROUTE, storey
+from buildings.storey import ROUTE, another_building, storey
 from drives import Simulated
 
 from wayfi.backend.pose2 import Floats, rigid_fit
@@ -55,6 +56,19 @@ def test_another_day_is_estimated_in_the_frame_of_the_map_and_keeps_its_size() -
     moved_m = [np.hypot(*(pose - known[k.stamp_ns])[:2]) for k, pose in kept if k.stamp_ns in known]
     assert len(moved_m) > 0.7 * len(kept)
     assert max(moved_m) < 0.1
+
+
+def test_in_another_building_the_drive_is_a_map_of_its_own() -> None:
+    building, _ = first_day()
+    other = drive(another_building(), ROUTE, day=1)
+    result, events = estimated(other, building)
+    assert not any(isinstance(event, PosePublished) for event in events)
+    assert [e.text for e in events if isinstance(e, Warned)] == [
+        "the robot was not found in the map: the drive is a map of its own"
+    ]
+    alone, _ = estimated(other)
+    assert len(result.building.keyframes) == len(alone.building.keyframes)
+    assert result.final == pytest.approx(alone.final, abs=0.02)
 
 
 def test_a_map_without_wifi_is_gone_on_with_by_the_laser() -> None:

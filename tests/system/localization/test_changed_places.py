@@ -38,7 +38,6 @@ def test_as_it_was_it_is_found_within_seconds(mapped: Mapped, tmp_path: Path) ->
     assert_found(on_the_way(mapped, tmp_path), within_s=10.0)
 
 
-@pytest.mark.xfail(reason="claims a place for some seconds, though WiFi hears no access point that the map knows")
 def test_another_building_is_never_claimed(mapped: Mapped, tmp_path: Path) -> None:
     result = localised(mapped, drive(another_building(), ELSEWHERE, day=1), tmp_path)
     assert len(result.errors_m) == 0
