@@ -21,6 +21,7 @@ TOLD_OTHERWISE = {
     *(DropReason.NO_TRANSFORM, DropReason.ABSURD_MOUNT, DropReason.TOO_MANY_FRAMES),  # of the frame
     *(DropReason.LOOP_OF_FRAMES, DropReason.RESTLESS_MOUNT, DropReason.OTHER_SOURCE),  # as above
     *(DropReason.OTHER_FRAME, DropReason.ABSURD_COVARIANCE),  # of the pose from outside
+    DropReason.ADDS_NOTHING,  # one fix of a keyframe is enough
     DropReason.SENSOR_OFF,  # as the configuration wants it
 }
 STAMP_NS = 12 * SECOND_NS
