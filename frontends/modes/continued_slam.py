@@ -75,7 +75,7 @@ class ContinuedSlam(SlamCore):
         if found is None:
             return events
         self._finding = None
-        return [*events, *self._join(stamp_ns, self._fix(found.keyframe, found.T_map_base, found.covariance))]
+        return [*events, *self._join(stamp_ns, self._fix(*found))]
 
     def _join(self, stamp_ns: int, fix: MapFix) -> list[Event]:
         """Move the drive to where it was found in the map."""

@@ -10,7 +10,6 @@ from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.event_making import grid_event, points_of
 from wayfi.frontends.events import Event, HypothesesFollowed, StateChanged
 from wayfi.frontends.intake.pose_intake import PlacedPose
-from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localizer import Localizer
 from wayfi.frontends.maps.building_map import BuildingMap
@@ -42,9 +41,9 @@ class LocalizationCore:
         return self._track.steps
 
     @property
-    def found(self) -> Hypothesis | None:
-        """Where the robot is, if that is known without a doubt."""
-        return self._localizer.claimed if self._localizer.health.state is State.TRACKING else None
+    def found(self) -> tuple[int, Pose2, Floats] | None:
+        """A keyframe, its pose in `map` and its (3, 3) covariance there, if they are known without a doubt."""
+        return self._localizer.pose() if self._localizer.health.state is State.TRACKING else None
 
     @property
     def keyframe_count(self) -> int:

@@ -19,7 +19,7 @@ class RadioConfig:
     power_dbm: float = option(-38.0, "dBm", "at 1 m: 15 to 20 dBm less 40 dB of path loss, less a ceiling or wall")
     power_sigma_db: float = option(10.0, "dB", "floors and walls before the building's own take 0 to 25 dB")
     exponent: float = option(3.2, "", "of path loss indoors: 2 along corridors, 4 through walls")
-    exponent_sigma: float = option(0.7, "", "as above")
+    exponent_sigma: float = option(0.7, "", "of it: free space has 2, three walls in a row over 4")
     attenuation_db_per_m: float = option(0.3, "dB/m", "of walls in a row, in addition: 0 in halls, 1 in offices")
     attenuation_sigma: float = option(0.4, "dB/m", "as above")
     height_m: float = option(2.0, "m", "of an access point above the receiver: one at the ceiling, a robot's antenna")

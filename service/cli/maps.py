@@ -88,7 +88,8 @@ def align(
             for stamp_ns, residual, used in zip(found.fixes.stamps_ns, residuals, alignment.used, strict=True)
         ]
         output.table("fixes", ["time", "off, m", "used"], rows)
-        output.say(f"moved by {T.x:.3f} m, {T.y:.3f} m, {T.theta:.4f} rad: {out or map_path}")
+        x, y, theta = (round(value, 4) + 0.0 for value in (T.x, T.y, T.theta))  # without a minus before zeros
+        output.say(f"moved by {x:.3f} m, {y:.3f} m, {theta:.4f} rad: {out or map_path}")
         used = alignment.used.tolist()
         moved: dict[str, Any] = {"T_plan_map": [T.x, T.y, T.theta], "residuals_m": [_known(r) for r in residuals]}
         output.result({**_named(out or map_path, found.name), **moved, "used": used})

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.wifi.fingerprint_index import Similar
 from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
@@ -195,15 +195,6 @@ def test_nothing_is_released_before_the_path_beside_it_is_driven() -> None:
     assert released.b is last
 
 
-def test_places_follow_their_keyframes() -> None:
-    run = drive(0.5, WifiConfig())
-    moved = compose_all(np.array([5.0, -3.0, 1.0]), run.poses)
-    np.testing.assert_allclose(
-        run.wifi.places(moved)[:, :2], Pose2(5.0, -3.0, 1.0).transform(run.wifi.places(run.poses)[:, :2]), atol=1e-9
-    )
-    assert WifiFrontend(WifiConfig(), {}).places(np.zeros((1, 3))).shape == (0, 3)
-
-
 def test_a_slow_scanner_on_a_quick_robot_proposes_loops_too() -> None:
     """A scan each three seconds at a metre a second: no two fingerprints of a pass are within near_m of each other."""
     scarce = drive(12.0, WifiConfig(), step_m=3.2)
@@ -211,7 +202,7 @@ def test_a_slow_scanner_on_a_quick_robot_proposes_loops_too() -> None:
     assert gaps.min() > WifiConfig().near_m
     assert len(scarce.candidates) > 5
     a, b = (
-        [scarce.wifi.places(scarce.poses)[f.number, :2] for f in side]
+        [(Pose2.of(scarce.poses[f.keyframe]) @ f.T_keyframe_base).array()[:2] for f in side]
         for side in zip(*((c.a, c.b) for c in scarce.candidates), strict=True)
     )
     assert np.median(np.hypot(*(np.array(a) - np.array(b)).T)) < 4.0

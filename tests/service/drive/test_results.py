@@ -135,7 +135,7 @@ def test_the_report_has_every_key(carpark_replay: Replayed) -> None:
     assert {"decode", "process", "log", "map", "files"} <= set(report["stages"])
     for stage in report["stages"].values():
         assert 0 <= stage["p50_ms"] <= stage["p99_ms"] <= stage["max_ms"] <= stage["seconds"] * 1e3 + 1.0
-    assert all(set(change) == {"stamp", "state", "reason"} for change in report["status_changes"])
+    assert all(set(change) == {"stamp", "state", "reason", "failure_category"} for change in report["status_changes"])
 
 
 def test_the_configuration_of_a_replay_gives_the_same_configuration(minute: Simulated, tmp_path: Path) -> None:
