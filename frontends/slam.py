@@ -98,8 +98,8 @@ class SlamCore:
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
         """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
         with self._timer("scan_matching"):
-            begins = self._floors.look(placed.points)
-            moved = begins or self.steps.look(placed, self.motion_to(point), self._step(point), self.poses)
+            self._floors.look(placed.points)
+            moved = self.steps.look(placed, self.motion_to(point), self._step(point), self.poses)
         return self.add_keyframe(point, placed) if moved else self._estimate.judge(point.stamp_ns, self.steps.doubt)
 
     def add_keyframe(self, point: PathPoint, placed: PlacedScan | None) -> list[Event]:

@@ -30,12 +30,9 @@ class FloorTracker:
         """Whether both places of a candidate are on one floor, and it is known where they are from each other."""
         return not self.doubtful and self._keyframes.may_close(candidate.a.keyframe, candidate.b.keyframe)
 
-    def look(self, scan: ScanPoints) -> bool:
-        """Take note of a scan that was taken while the wheels stood; returns whether it shows that doubt begins."""
-        was_doubtful = self.doubtful
+    def look(self, scan: ScanPoints) -> None:
+        """Take note of a scan that was taken while the wheels stood."""
         self._watch.see(scan, self._keyframes.newest.point.path_m)
-        self._begin_doubt(was_doubtful)
-        return self.doubtful and not was_doubtful
 
     def hear(self, scan: PlacedWifiScan, stamp_ns: int, poses: Floats) -> list[Event]:
         """Take note of a WiFi scan; the keyframes since the cabin are on another floor if it tells so."""

@@ -43,7 +43,9 @@ def test_a_cabin_is_small_all_around() -> None:
 @pytest.mark.parametrize(("known", "floor"), [([], 1), ([(1, heard(7))], 1), ([(1, heard(7)), (4, heard(8))], 1)])
 def test_a_scan_after_a_cabin_tells_the_floor(known: list[tuple[int, Readings]], floor: int) -> None:
     watch = driven()
-    watch.see(room(2.2), 2.0)
+    watch.see(room(2.2), 1.7)
+    assert not watch.doubtful
+    assert not watch.hear("phone", 1.8, heard(0, below_db=15.0))
     assert watch.doubtful
     assert not watch.hear("phone", 2.1, heard(7, below_db=15.0))
     assert watch.hear("phone", 3.2, heard(7))
@@ -53,7 +55,8 @@ def test_a_scan_after_a_cabin_tells_the_floor(known: list[tuple[int, Readings]],
 
 def test_a_closet_on_the_same_floor_changes_nothing() -> None:
     watch = driven()
-    watch.see(room(2.2), 2.0)
+    watch.see(room(2.2), 1.7)
+    assert not watch.hear("phone", 1.8, heard(0, below_db=15.0))
     assert watch.hear("phone", 3.5, heard(0, below_db=3.0))
     assert watch.floor_of(heard(0, below_db=3.0), [(0, heard(0))], present=0, newest=3) == 0
 
@@ -73,9 +76,18 @@ def test_with_a_laser_that_sees_no_cabin_a_change_is_none_of_the_floor() -> None
     assert not watch.doubtful
 
 
+def test_a_small_room_where_wifi_stays_as_it_is_begins_no_doubt() -> None:
+    watch = driven()
+    watch.see(room(2.2), 1.7)
+    assert not watch.hear("phone", 1.8, heard(0, below_db=3.0))
+    assert not watch.doubtful
+
+
 def test_without_wifi_the_doubt_ends() -> None:
     watch = driven()
-    watch.see(room(2.2), 2.0)
+    watch.see(room(2.2), 1.7)
+    watch.hear("phone", 1.8, heard(0, below_db=15.0))
+    assert watch.doubtful
     watch.see(room(6.0), 2.0 + CONFIG.silent_m + 1.0)
     assert not watch.doubtful
 

@@ -44,18 +44,27 @@ def _ride(before: Sequence[Arrival], after: Sequence[Arrival]) -> list[Arrival]:
     """The measurements of a robot that stands in a cabin for `RIDE_S`."""
     start_ns = before[-1].at_ns
     odometry, scan = _newest(before, Odometry), _newest(before, LaserScan)
-    heard = [_newest(before, WifiScan), next(a for a in after if isinstance(a.measurement, WifiScan))]
+    heard = _by_receiver(before[::-1]), _by_receiver(after)
     ride = []
     for tenth in range(1, 10 * RIDE_S):
         at_ns = start_ns + tenth * SECOND_NS // 10
         moments = [replace(odometry.measurement, stamp_ns=at_ns), _cabin(scan, at_ns)]
         if tenth % 10 == 5:
-            m = heard[tenth >= 5 * RIDE_S].measurement
-            assert isinstance(m, WifiScan)
+            scans = heard[tenth >= 5 * RIDE_S]
+            m = scans[tenth // 10 % len(scans)]
             rssi = (m.rssi - ATTENUATED_DB).astype(np.float32)
             moments.append(replace(m, stamp_ns=at_ns, rssi=rssi, age_s=np.zeros_like(m.age_s)))
         ride += [Arrival(at_ns, m) for m in moments]
     return ride
+
+
+def _by_receiver(arrivals: Sequence[Arrival]) -> list[WifiScan]:
+    """The first scan of each receiver."""
+    first: dict[str, WifiScan] = {}
+    for a in arrivals:
+        if isinstance(a.measurement, WifiScan):
+            first.setdefault(a.measurement.receiver, a.measurement)
+    return [first[receiver] for receiver in sorted(first)]
 
 
 def _cabin(scan: Arrival, at_ns: int) -> LaserScan:
