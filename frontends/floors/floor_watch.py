@@ -1,4 +1,4 @@
-"""Notices that the robot may have changed floors: WiFi has changed in a cabin, or while it stood without a laser."""
+"""Notices that the robot may have changed floors: WiFi has changed while the laser saw a cabin; without one, never."""
 
 import math
 from collections.abc import Iterable
@@ -21,7 +21,6 @@ class FloorWatch:
         self._config, self._sigma_db = config, sigma_db
         self._usual: float | None = None
         self._last: dict[str, tuple[float, Readings]] = {}
-        self._sees = False
         self._cabin_m = -math.inf
         self.left_m: float | None = None  # the path up to where the robot may have left its floor
 
@@ -32,7 +31,6 @@ class FloorWatch:
 
     def see(self, scan: ScanPoints, path_m: float) -> None:
         """Take note of a scan of the laser at `path_m` (m) of the path."""
-        self._sees = True
         if is_cabin(scan, self._config):
             self._cabin_m = path_m
         elif self.left_m is not None and path_m - self.left_m > self._config.silent_m:
@@ -47,8 +45,8 @@ class FloorWatch:
         if path_m - last_m <= self._config.still_m:
             alike = similarity(last, readings, self._sigma_db)
             usual = alike if self._usual is None else self._usual
-            enclosed = not self._sees or path_m - self._cabin_m <= self._config.still_m
-            if enclosed and alike < self._config.changed * usual:
+            in_cabin = path_m - self._cabin_m <= self._config.still_m
+            if in_cabin and alike < self._config.changed * usual:
                 self.left_m = path_m
             else:
                 self._usual = self._config.memory * usual + (1 - self._config.memory) * alike
