@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 READY = ".ready"
+ATTEMPTS = 3  # to read a file: it is moved once, and another time by the next save
 
 
 def commit(staged: Path, folder: Path, last: str) -> None:
@@ -39,6 +40,14 @@ def current(folder: Path, name: str) -> Path:
     """Where the file `name` of a folder lies, which may be moved to its place meanwhile."""
     ready = folder / READY / name
     return ready if ready.exists() else folder / name
+
+
+def read_current(folder: Path, name: str) -> bytes:
+    """The bytes of the file `name` of a folder, also where it is moved to its place meanwhile. Raises OSError."""
+    for _ in range(ATTEMPTS):
+        with suppress(FileNotFoundError):
+            return current(folder, name).read_bytes()
+    return (folder / name).read_bytes()
 
 
 def _flush(path: Path) -> None:

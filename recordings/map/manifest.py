@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.recordings.files.map_folder import MANIFEST, MapError
-from wayfi.recordings.files.replaced_together import current
+from wayfi.recordings.files.replaced_together import current, read_current
 
 FORMAT, VERSION = "wayfi-map", 2
 GRAPH_ALONE = 1  # the version whose folder held graph.g2o and nothing else
@@ -81,7 +81,7 @@ def read_manifest(folder: Path) -> Manifest:
     """The manifest of the map in `folder`. Raises MapError where there is no whole one, or it is of another version."""
     path = current(folder, MANIFEST)
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(read_current(folder, MANIFEST))
     except FileNotFoundError:
         raise MapError(f"{folder}: holds no map: there is no {MANIFEST}") from None
     except OSError as error:

@@ -49,7 +49,7 @@ def hits(recording: Path, settings: Sequence[str] = ()) -> Floats:
     replayer = PlainReplayer(drive)
     for record in open_recording(recording):
         replayer.play(record)
-    return placed(scans.points, drive.finish().keyframe_poses)
+    return placed(scans.points, drive.finish().building.poses)
 
 
 def placed(scans: Mapping[int, Floats], poses: Floats) -> Floats:
