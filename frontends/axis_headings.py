@@ -13,12 +13,16 @@ from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 
 class AxisHeadings:
-    """Follows the wheels from keyframe to keyframe, and adds a factor for each sample along an axis."""
+    """Follows the wheels from keyframe to keyframe, and adds a factor for each sample along an axis.
+
+    Wings are numbered on from those that the graph holds: they are of a map, in which the drive is not placed yet.
+    """
 
     def __init__(self, graph: PoseGraph, prior: WheelCalibration, config: AxesConfig) -> None:
         self._graph, self._prior, self._config = graph, prior, config
         self._axes: BuildingAxes | None = None
-        self._start = self._wings = self._newest_wing = 0
+        self._start = 0
+        self._wings = self._newest_wing = max((factor.wing for factor in graph.of_kind(AxisFactor)), default=0)
 
     def interrupt(self) -> None:
         """A scan match tells the heading: what the wheels alone tell begins anew after it."""

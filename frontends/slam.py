@@ -55,7 +55,6 @@ class SlamCore:
         self._graph = PoseGraph(config.backend, prior.wheels, origin)
         self.keyframes = Keyframes()
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
-        self._axes = AxisHeadings(self._graph, prior.wheels, config.odometry.axes)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
         self._floors = FloorTracker(self.keyframes, self._wifi, config.floors, config.wifi.similarity_sigma_db)
         self._grid = GridMap(config.map)
@@ -73,6 +72,7 @@ class SlamCore:
             Vetoes(self._graph, verdicts, closers),
         )  # fmt: skip
         self._before = begin_with(building, self._parts, config.closure.min_path_m) if building else None
+        self._axes = AxisHeadings(self._graph, prior.wheels, config.odometry.axes)
         self._estimate.reread()
 
     @property
@@ -121,7 +121,7 @@ class SlamCore:
         events = [added, *updated, *matched]
         with self._timer("closure"):
             events += self._review() if self._estimate.moved else self._wifi_closer.go_on(self.poses)
-            if not self._floors.doubtful:
+            if self._floors.known_at(point.path_m):
                 events += self._lidar_closer.close_by_estimate(number, point.stamp_ns, self.poses)
                 events += self._lidar_closer.close_by_search(number, point.stamp_ns, self.poses)
             events += self._fix_closer.judge(self.poses)
@@ -203,7 +203,7 @@ class SlamCore:
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
-        poses = in_frame_of(self.poses, self._before)
+        poses = in_frame_of(self.poses, None if self._fix_closer.factors() else self._before)
         with self._timer("map"):
             grid = self._grid.settle(poses)
         stamps_ns = trajectories.stamps_ns()

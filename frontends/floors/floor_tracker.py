@@ -26,6 +26,11 @@ class FloorTracker:
         """Whether it is not known which floor the robot is on: nothing is closed meanwhile."""
         return self._watch.doubtful
 
+    def known_at(self, path_m: float) -> bool:
+        """Whether it is known which floor the robot is on, now that it has driven `path_m` (m)."""
+        self._watch.drive(path_m)
+        return not self.doubtful
+
     def may_close(self, candidate: WifiCandidate) -> bool:
         """Whether both places of a candidate are on one floor, and it is known where they are from each other."""
         return not self.doubtful and self._keyframes.may_close(candidate.a.keyframe, candidate.b.keyframe)

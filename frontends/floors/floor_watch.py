@@ -33,7 +33,10 @@ class FloorWatch:
         """Take note of a scan of the laser at `path_m` (m) of the path."""
         if is_cabin(scan, self._config):
             self._cabin_m = path_m
-        elif self.left_m is not None and path_m - self.left_m > self._config.silent_m:
+
+    def drive(self, path_m: float) -> None:
+        """The path has come to `path_m` (m): where WiFi has been silent for long, the floor is taken to be the same."""
+        if self.left_m is not None and path_m - self.left_m > self._config.silent_m:
             self.left_m = None
 
     def hear(self, receiver: str, path_m: float, readings: Readings) -> bool:

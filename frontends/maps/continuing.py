@@ -28,14 +28,14 @@ class MapFix:
 
 
 def known_factors(building: BuildingMap) -> dict[int, Factor]:
-    """The factors of a map by their numbers, for another drive: the wheels' with the calibration of their own drive.
-
-    Those of vetoed closures are left out.
-    """
+    """The factors of a map as `calibrated_factors` gives them, without those of vetoed closures."""
     vetoed = {number for closure in building.vetoed for number in building.closures[closure].factors}
-    return {
-        number: _calibrated(factor, building) for number, factor in building.factors.items() if number not in vetoed
-    }
+    return {number: factor for number, factor in calibrated_factors(building).items() if number not in vetoed}
+
+
+def calibrated_factors(building: BuildingMap) -> dict[int, Factor]:
+    """The factors of a map by their numbers, for another drive: the wheels' with the calibration of their own drive."""
+    return {number: _calibrated(factor, building) for number, factor in building.factors.items()}
 
 
 def load_graph(graph: PoseGraph, building: BuildingMap) -> dict[int, int]:

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor
 from wayfi.backend.pose2 import Floats, Pose2, compose_all, diagonal_covariance
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
 from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint
+from wayfi.frontends.maps.continuing import calibrated_factors
 from wayfi.frontends.maps.optimising import OptimisingConfig, optimise
 from wayfi.frontends.wifi.receivers import ReceiverOffset
 
@@ -43,11 +44,11 @@ def join(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: Sequence[Tie], conf
 
     `T_a_b` is the pose of the frame of `b` in that of `a`, from which the optimisation starts. Raises OptimisingError.
     """
-    keyframes, factors = len(a.keyframes), _factors_of(a)
+    keyframes, factors = len(a.keyframes), calibrated_factors(a)
     sessions = 1 + max((k.session for k in a.keyframes), default=-1)
     seam = max(factors, default=-1) + 1
     first = seam + 1
-    of_b = {first + number: _moved(factor, keyframes, _wings(a)) for number, factor in _factors_of(b).items()}
+    of_b = {first + number: _moved(factor, keyframes, _wings(a)) for number, factor in calibrated_factors(b).items()}
     poses_b = compose_all(T_a_b.array(), b.poses)
     last_to_first = Pose2.of(a.poses[-1]).between(Pose2.of(poses_b[0]))
     factors |= {seam: BetweenFactor(keyframes - 1, keyframes, last_to_first, LOOSE), **of_b}
@@ -76,17 +77,6 @@ def joined_receivers(a: Mapping[str, ReceiverOffset], b: Mapping[str, ReceiverOf
     shared = [a[name].offset_db - b[name].offset_db for name in b if name in a]
     moved_db = float(np.median(shared)) if shared else 0.0
     return {name: replace(offset, offset_db=offset.offset_db + moved_db) for name, offset in b.items()} | dict(a)
-
-
-def _factors_of(building: BuildingMap) -> dict[int, Factor]:
-    return {
-        number: BetweenFactor(
-            factor.a, factor.b, factor.motion.corrected(building.calibrations[factor.b]), factor.covariance
-        )
-        if isinstance(factor, WheelFactor)
-        else factor
-        for number, factor in building.factors.items()
-    }
 
 
 def _wings(building: BuildingMap) -> int:

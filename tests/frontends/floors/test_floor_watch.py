@@ -86,7 +86,9 @@ def test_without_wifi_the_doubt_ends() -> None:
     watch.see(room(2.2), 1.7)
     watch.hear("phone", 1.8, heard(0, below_db=15.0))
     assert watch.doubtful
-    watch.see(room(6.0), 2.0 + CONFIG.silent_m + 1.0)
+    watch.drive(1.8 + CONFIG.silent_m - 1.0)
+    assert watch.doubtful
+    watch.drive(1.8 + CONFIG.silent_m + 1.0)
     assert not watch.doubtful
 
 
