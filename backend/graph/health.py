@@ -30,7 +30,6 @@ class FailureCategory(StrEnum):
     MAP_CONTRADICTED = "map_contradicted"
     WIFI_ELSEWHERE = "wifi_elsewhere"
     ROBOT_MOVED = "robot_moved"
-    WHEELS_CONTRADICTED = "wheels_contradicted"
     POSE_IMPRECISE = "pose_imprecise"
 
 

@@ -58,3 +58,20 @@ def test_a_slip_is_undone_where_the_axes_go_on() -> None:
     assert 100 in doubted
     assert len(doubted) < 20
     assert [wheels.a for wheels in graph.of_kind(WheelFactor)] == list(range(160))
+
+
+def test_wings_are_numbered_on_from_those_of_a_map() -> None:
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    graph.add_keyframe(Pose2())
+    graph.add(AxisFactor(0, 3, 0.0, 0.05))
+    axes = AxisHeadings(graph, PRIOR, AxesConfig(enabled=True))
+    for k in range(100):
+        motion = WheelMotion(Pose2(STEP_M, 0.0, -BIAS * STEP_M), STEP_M, 1.0)
+        poses = graph.poses() if k else np.zeros((1, 3))
+        graph.add_keyframe(Pose2.of(poses[-1]) @ motion.pose)
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS))
+        axes.follow(k + 1, motion, float(WHEELS[2, 2]), poses)
+        graph.update()
+    own = {factor.wing for factor in graph.of_kind(AxisFactor) if factor.b > 0}
+    assert own
+    assert min(own) > 3
