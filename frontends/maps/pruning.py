@@ -34,11 +34,20 @@ class PruningConfig:
     staleness: StalenessConfig = field(default_factory=StalenessConfig)
 
 
-def pruned(building: BuildingMap, config: PruningConfig, visibility: VisibilityConfig, grid: MapConfig) -> BuildingMap:
-    """The map without what its newest session has repeated; one of a single session as it is."""
+def pruned(
+    building: BuildingMap,
+    config: PruningConfig,
+    visibility: VisibilityConfig,
+    grid: MapConfig,
+    first: int | None = None,
+) -> BuildingMap:
+    """The map without what its keyframes from `first` on have repeated: those of its newest session, if not given.
+
+    A map in which none is before them, or from them on, stays as it is.
+    """
     newest = max((k.session for k in building.keyframes), default=0)
-    first = sum(k.session < newest for k in building.keyframes)
-    if first == 0:
+    first = sum(k.session < newest for k in building.keyframes) if first is None else first
+    if not 0 < first < len(building.keyframes):
         return building
     keyframes = without_stale_points(building.keyframes, building.poses, first, config.staleness, visibility)
     cleaned = replace(building, keyframes=keyframes)

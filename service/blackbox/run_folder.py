@@ -10,11 +10,15 @@ from pathlib import Path
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.calibration import Calibration
 from wayfi.recordings.files.calibration_file import calibration_toml
+from wayfi.recordings.files.map_folder import MANIFEST
+from wayfi.recordings.files.replaced_together import current
+from wayfi.recordings.files.result_folder import MAP
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.config import Config, config_toml
 from wayfi.service.drive.known_map import MapReference
 
+MOST_SERVED = 2  # runs: what the last one saved at its end, nobody may have fetched
 RUNNING = "running"  # a file in the folder of a run that has not been stopped: the settings of its drive
 IDLE_S = 0.1
 
@@ -35,6 +39,12 @@ class RunFolder:
     def resumes(self) -> bool:
         """Whether it holds a drive that is resumed."""
         return self.away_s is not None
+
+    def maps_served(self) -> dict[str, Path]:
+        """The maps of this run and of the one before, by the names of the runs; others fetch what is new of them."""
+        runs = sorted((path for path in self.path.parent.iterdir() if path.name <= self.path.name), reverse=True)
+        maps = {run.name: run / MAP for run in runs[:MOST_SERVED]}
+        return {name: folder for name, folder in maps.items() if current(folder, MANIFEST).exists()}
 
     def mark_stopped(self) -> None:
         """Mark the run as stopped cleanly: delete what a restart would need, and release the lock."""

@@ -48,6 +48,11 @@ class ZenohConfig:
         "s",
         "that map -> odom on /tf holds beyond its pose, till the next comes: at 10 Hz, and one is late",
     )
+    fleet_every_s: Annotated[float, Field(gt=0)] = option(
+        5.0,
+        "s",
+        "between two looks at what the robots of a fleet have mapped; a daemon saves its map once a minute or two",
+    )
     odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
     scan_queue: int = option(20, "messages", "half a second at 40 Hz: after a slow step only the latest scans matter")
     security: SecurityConfig = field(default_factory=SecurityConfig)

@@ -12,6 +12,9 @@ from wayfi.service.daemon.daemon_state import DaemonState
 from wayfi.service.daemon.estimator_messages import Finish
 from wayfi.service.daemon.main_loop import DaemonError, MainLoop
 from wayfi.service.drive.known_map import MapReference
+from wayfi.service.fleet.common_place import CommonPlace
+from wayfi.service.fleet.keys import keyframes_key
+from wayfi.service.fleet.map_server import MapServer
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.service_manager import ServiceManager
 from wayfi.service.process.stop_signal import StopSignal
@@ -55,6 +58,12 @@ class Daemon:
             self._publishers = opened.enter_context(Publishers(self._session, self._config.zenoh, self._config.frames))
             loop = MainLoop(self._config, self._calibration, self._folder, self._publishers, self._log, self._known)
             self._loop = opened.enter_context(loop)
+            key = keyframes_key(self._config.zenoh)
+            opened.enter_context(MapServer(self._session, key, self._folder.maps_served))
+            known_id = self._known.map_id if self._known else ""
+            opened.enter_context(
+                CommonPlace(self._session, self._config, self._folder.path, self._publishers, self._log, known_id)
+            )
             with ExitStack() as subscribed:
                 self._serve(subscribed)
             if self._stop.requested:

@@ -3,6 +3,7 @@
 import time
 
 from wayfi.backend.errors import WayfiError
+from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
 from wayfi.frontends.measurements import Sensor
@@ -106,6 +107,7 @@ class MainLoop(Closing):
                 "run": self._folder.path,
                 "mode": self.handler.mode,
                 "map": self._known or "",
+                "common_map": _text(self._publishers.T_common_map),
                 "paused": str(self.handler.paused).lower(),
                 "unpublished": self._publishers.unpublished,
                 "unrecorded": self._recorder.unrecorded,
@@ -231,3 +233,7 @@ class MainLoop(Closing):
 
     def _warn(self, text: str) -> None:
         self._log.warning("warned", text=text)
+
+
+def _text(T: Pose2 | None) -> str:
+    return f"map lies at {T.x:.2f} m, {T.y:.2f} m, {T.theta:.3f} rad in it" if T else ""

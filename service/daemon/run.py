@@ -1,4 +1,4 @@
-"""`wayfi run`: opens a session on Zenoh and makes one run after another on it."""
+"""`wayfi run`: opens a session on Zenoh and makes one run after another on it, or merges the maps of a fleet."""
 
 import zenoh
 
@@ -7,6 +7,7 @@ from wayfi.service.blackbox.run_folder import open_run_folder
 from wayfi.service.config import Config
 from wayfi.service.daemon.daemon import Daemon
 from wayfi.service.drive.known_map import MapReference
+from wayfi.service.fleet.merging_daemon import MergingDaemon
 from wayfi.service.process.log_lines import LogLines
 from wayfi.service.process.stop_signal import StopSignal
 from wayfi.service.transport.connection_watch import ConnectionWatch
@@ -35,6 +36,20 @@ def run_daemon(
                     folder = open_run_folder(config, calibration, fresh, known)
                     Daemon(config, calibration, folder, session, log, stop, known).run()
                     fresh = True
+    return 0
+
+
+def run_merging_daemon(config: Config, quiet: bool = False) -> int:
+    """Merge the maps of a fleet until SIGINT or SIGTERM; returns the exit code. `quiet` logs warnings only.
+
+    Raises ZenohError where the endpoints cannot be used, MergingError where `recording.directory` cannot.
+    """
+    log = LogLines(quiet)
+    with StopSignal() as stop:
+        session = _open_patiently(config, stop, log)
+        if session is not None:
+            with session, ConnectionWatch(session, config.zenoh, log):
+                MergingDaemon(config, session, log, stop).run()
     return 0
 
 

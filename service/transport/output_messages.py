@@ -27,15 +27,30 @@ def pose_message(event: PosePublished, frames: FramesConfig) -> bytes:
     return _cdr(new_message(POSE_WITH_COVARIANCE, head, pose), POSE_WITH_COVARIANCE)
 
 
-def transform_message(event: PosePublished, frames: FramesConfig, ahead_ns: int = 0) -> bytes:
-    """A TFMessage with map -> odom, stamped `ahead_ns` after the pose.
+def common_pose_message(event: PosePublished, T_common_map: Pose2, frames: FramesConfig) -> bytes:
+    """The pose in the map of a fleet, in which the robot's own lies at `T_common_map`; otherwise as `pose_message`."""
+    turn = np.eye(3)
+    cos, sin = math.cos(T_common_map.theta), math.sin(T_common_map.theta)
+    turn[:2, :2] = (cos, -sin), (sin, cos)
+    pose = pose_with_covariance(T_common_map @ event.T_map_base, turn @ event.covariance @ turn.T)
+    return _cdr(new_message(POSE_WITH_COVARIANCE, header(event.stamp_ns, frames.common), pose), POSE_WITH_COVARIANCE)
+
+
+def transform_message(
+    event: PosePublished, frames: FramesConfig, ahead_ns: int = 0, T_common_map: Pose2 | None = None
+) -> bytes:
+    """A TFMessage with map -> odom, and the map in that of a fleet if it is known, stamped `ahead_ns` after the pose.
 
     Raises CodecError where a ROS time cannot hold the stamp.
     """
-    T = event.T_map_odom
-    rotation = (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2))
-    transform = Transform(frames.map, frames.odom, (T.x, T.y, 0.0), rotation)
-    return encode(StaticTransforms(event.stamp_ns + ahead_ns, (transform,)))
+    transforms = [_transform(frames.map, frames.odom, event.T_map_odom)]
+    if T_common_map is not None:
+        transforms.append(_transform(frames.common, frames.map, T_common_map))
+    return encode(StaticTransforms(event.stamp_ns + ahead_ns, tuple(transforms)))
+
+
+def _transform(parent: str, child: str, T: Pose2) -> Transform:
+    return Transform(parent, child, (T.x, T.y, 0.0), (0.0, 0.0, math.sin(T.theta / 2), math.cos(T.theta / 2)))
 
 
 def map_message(event: GridRedrawn, config: MapConfig, frame_id: str = "map") -> bytes:

@@ -142,12 +142,14 @@ class Running:
 
 
 @contextmanager
-def running(directory: Path, *extra: str, router: str = "", flags: Sequence[str] = ()) -> Iterator[Running]:
+def running(
+    directory: Path, *extra: str, router: str = "", flags: Sequence[str] = (), prefix: str = PREFIX
+) -> Iterator[Running]:
     """A daemon that is ready; `router` is the endpoint of one that it is to be a client of, `extra` are settings."""
     if router:
-        config = ZenohConfig(mode="client", connect=[router], prefix=PREFIX)
+        config = ZenohConfig(mode="client", connect=[router], prefix=prefix)
     else:
-        config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=PREFIX)
+        config = ZenohConfig(listen=[f"tcp/127.0.0.1:{free_port()}"], prefix=prefix)
     zenoh_values = (f"zenoh.{name}={getattr(config, name)}" for name in ("mode", "listen", "connect", "prefix"))
     values = (*zenoh_values, f"recording.directory={directory}", f"rerun.port={free_port()}", *extra)
     settings = [*(word for value in values for word in ("--set", value)), *flags]

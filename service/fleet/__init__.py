@@ -1,0 +1,1 @@
+"""Several robots, one map: daemons serve the maps they make, a merging one joins them and serves the common map."""

@@ -1,0 +1,49 @@
+"""Serves the files of saved maps on Zenoh: a map of several parts is fetched file by file, what has changed alone."""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+import zenoh
+
+from wayfi.recordings.closing import Closing
+from wayfi.recordings.files.map_folder import MANIFEST, PART, WHOLE_FILES
+from wayfi.recordings.files.replaced_together import read_current
+from wayfi.service.fleet.fleet_file import FLEET
+
+SERVED = (MANIFEST, FLEET, *WHOLE_FILES)
+
+
+class MapServer(Closing):
+    """Answers queries of `key`/NAME/FILE with the files of the maps that `folders` gives by their names.
+
+    A query of `**/FILE` is answered for each map. What cannot be read, as it is replaced just now, has no answer. A
+    context manager; raises ZenohError.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, folders: Callable[[], Mapping[str, Path]]) -> None:
+        self._key, self._folders = key, folders
+        with ExitStack() as opened:
+            opened.enter_context(session.declare_queryable(f"{key}/*/*", self._answer))
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Serve nothing any more."""
+        self._opened.close()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        file = str(query.key_expr).rpartition("/")[2]
+        with query:
+            if file not in SERVED and not PART.fullmatch(file):
+                return
+            for name, folder in self._folders().items():
+                key = f"{self._key}/{name}/{file}"
+                if query.key_expr.intersects(zenoh.KeyExpr(key)):
+                    _reply(query, key, folder, file)
+
+
+def _reply(query: zenoh.Query, key: str, folder: Path, file: str) -> None:
+    try:
+        query.reply(key, read_current(folder, file), encoding=zenoh.Encoding.APPLICATION_OCTET_STREAM)
+    except (OSError, zenoh.ZError):
+        return
