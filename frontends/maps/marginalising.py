@@ -14,7 +14,7 @@ import numpy as np
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
 from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b, wrap
 
-ENOUGH = 6  # factors of a keyframe: a map that is driven again and again keeps its size
+ENOUGH = 4  # factors of a keyframe: a map that is driven again and again keeps its size, and costs what it did
 LOOSE_INFORMATION = 1e-6  # of 1 km and 1,000 rad: the equations can be solved where factors leave a direction open
 
 
@@ -28,7 +28,6 @@ class Marginalisation:
         self.factors = dict(factors)
         self._poses, self._kept = poses, frozenset(kept)
         self._next = max(self.factors, default=-1) + 1
-        self._made: list[int] = []
         self._of_keyframe: dict[int, set[int]] = defaultdict(set)
         for number, factor in self.factors.items():
             self._of_keyframe[factor.a].add(number)
@@ -37,7 +36,8 @@ class Marginalisation:
     def remove_all(self, keyframes: Iterable[int]) -> None:
         """Take keyframes out, those with the fewest neighbours first, which keeps all that is to be solved small.
 
-        Of the factors that this leaves, the least certain go where both keyframes have more than ENOUGH.
+        Of all factors that may be merged, the least certain go then where both keyframes have more than ENOUGH: those
+        of earlier days that relate far places are what makes a graph dense.
         """
         queue = [(self._degree(keyframe), keyframe) for keyframe in keyframes]
         heapify(queue)
@@ -50,7 +50,7 @@ class Marginalisation:
         self._thin()
 
     def _thin(self) -> None:
-        left = [(self.factors[n], n) for n in self._made if n in self.factors]
+        left = [(f, n) for n, f in self.factors.items() if isinstance(f, BetweenFactor) and n not in self._kept]
         for factor, number in sorted(left, key=lambda each: (-_log_volume(each[0]), each[1])):
             if min(self._degree(factor.a), self._degree(factor.b)) > ENOUGH:
                 self._take(number)
@@ -85,7 +85,6 @@ class Marginalisation:
         self.factors[self._next] = factor
         self._of_keyframe[factor.a].add(self._next)
         self._of_keyframe[factor.b].add(self._next)
-        self._made.append(self._next)
         self._next += 1
 
 
@@ -154,9 +153,8 @@ def _relative(covariance: Floats, i: int, j: int, keyframes: Sequence[int], pose
     return 0.5 * (relative + relative.T)
 
 
-def _log_volume(factor: Factor) -> float:
+def _log_volume(factor: BetweenFactor) -> float:
     """How uncertain the pose of a between factor is."""
-    assert isinstance(factor, BetweenFactor)
     return float(np.linalg.slogdet(factor.covariance)[1])
 
 
