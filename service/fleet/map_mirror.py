@@ -1,7 +1,7 @@
 """Keeps a copy of a map that another program serves: fetches what has changed, and replaces the copy at once."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import zenoh
@@ -11,7 +11,7 @@ from wayfi.recordings.files.map_folder import MANIFEST, PART, WHOLE_FILES, MapEr
 from wayfi.recordings.map.manifest import Checksum, Manifest, MapName, checksum_of, read_manifest
 from wayfi.recordings.map.saving import STAGED, name_of_map
 
-PATIENCE_S = 10.0  # for a file of a megabyte over a poor link
+PATIENCE_S = 5.0  # for a file of a megabyte over a poor link
 
 
 class FetchError(WayfiError):
@@ -26,20 +26,25 @@ def found(session: zenoh.Session, pattern: str) -> Iterator[tuple[str, bytes]]:
             yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
 
 
-def mirror(session: zenoh.Session, key: str, manifest: bytes, folder: Path) -> MapName | None:
+def mirror(
+    session: zenoh.Session, key: str, manifest: bytes, folder: Path, alive: Callable[[], None] = lambda: None
+) -> MapName | None:
     """Make `folder` a copy of the map served below `key`, whose manifest is known; returns its name.
 
-    None where the copy is of this version already. Raises FetchError where the link breaks or the map is saved anew
-    meanwhile, MapError where what is served is no map of this version of wayfi, or cannot be written.
+    `alive` is called before each file. None where the copy is of this version already. Raises FetchError where the link
+    breaks or the map is saved anew meanwhile, MapError where what is served is no map of this version of wayfi, or
+    cannot be written.
     """
     try:
         with locked(folder):
-            return _mirror(session, key, manifest, folder)
+            return _mirror(session, key, manifest, folder, alive)
     except OSError as error:
         raise MapError(f"{error.filename or folder}: cannot be written: {error.strerror}") from None
 
 
-def _mirror(session: zenoh.Session, key: str, manifest: bytes, folder: Path) -> MapName | None:
+def _mirror(
+    session: zenoh.Session, key: str, manifest: bytes, folder: Path, alive: Callable[[], None]
+) -> MapName | None:
     staged = folder / STAGED
     staged.mkdir(exist_ok=True)
     (staged / MANIFEST).write_bytes(manifest)
@@ -52,6 +57,7 @@ def _mirror(session: zenoh.Session, key: str, manifest: bytes, folder: Path) -> 
     missing = {name: checksum for name, checksum in wanted.files.items() if there.get(name) != checksum}
     _forget_others(staged, missing, wanted)
     for name, checksum in missing.items():
+        alive()
         if not (staged / name).exists():
             (staged / name).write_bytes(_fetched(session, f"{key}/{name}", checksum))
     replace_map(staged, folder, wanted.files)

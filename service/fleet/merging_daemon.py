@@ -90,7 +90,7 @@ class MergingDaemon:
             robot, run = robot_and_run(key)
             folder = robot_folder(self._directory, robot, run)
             try:
-                name = mirror(self._session, key.removesuffix(f"/{MANIFEST}"), manifest, folder)
+                name = mirror(self._session, key.removesuffix(f"/{MANIFEST}"), manifest, folder, self._manager.alive)
             except (WayfiError, OSError, zenoh.ZError) as error:
                 self._tell(f"{robot}/{run}", str(error))
                 continue

@@ -11,7 +11,7 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,10 +57,10 @@ def cells(day: int, out: Path, drive: Drive, T_truth_map: Pose2) -> Sequence[str
     folder, stage = map_folder(out), report["stages"]["process"]
     counts = read_manifest(folder).counts
     size_mb = sum(path.stat().st_size for path in current(folder, MANIFEST).parent.iterdir()) / 1e6
-    error: Callable[[Trajectory], str] = lambda poses: f"{error_m(poses, drive.truth, T_truth_map):.4f}"
+    errors = [f"{error_m(poses, drive.truth, T_truth_map):.4f}" if len(poses) else "-" for poses in (final, online)]
     found_s = f"{(online.stamps_ns[0] - final.stamps_ns[0]) / 1e9:.1f}" if len(online) else "never"
     return (
-        str(day), found_s, f"{error(final)} / {error(online) if len(online) else '-'}",
+        str(day), found_s, " / ".join(errors),
         *(str(counts[name]) for name in ("keyframes", "fingerprints", "factors")), f"{size_mb:.1f}",
         f"{report['peak_memory_mb']:.0f}",
         f"{stage['p50_ms']:.2f} / {stage['p99_ms']:.1f} / {stage['max_ms']:.0f}",

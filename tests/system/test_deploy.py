@@ -11,11 +11,17 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from building_maps.rounds import round_map
 from live.loopback import Authority, eventually, free_port
 from places import DEPLOY
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
+from wayfi.recordings.files.map_folder import MANIFEST
+from wayfi.recordings.map.saving import save_map
 from wayfi.service.config import SecurityConfig, ZenohConfig, load_config
+from wayfi.service.fleet.keys import COMMON, KEYFRAMES, everywhere
+from wayfi.service.fleet.map_mirror import found
+from wayfi.service.fleet.map_server import MapServer
 from wayfi.service.transport.output_messages import OK, Status, status_message
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.zenoh_session import RefusedError, key_of, open_guest_session, open_session
@@ -113,6 +119,29 @@ def test_a_robot_does_not_hear_another_and_the_station_commands_each(fleet: Flee
         eventually(lambda: answers(station) == ["done"])
         assert answers(a) == []
         assert by_a == []
+
+
+def test_the_station_fetches_every_robots_map_and_a_robot_only_the_common_one(fleet: Fleet, tmp_path: Path) -> None:
+    def maps(session: zenoh.Session, pattern: str) -> list[str]:
+        return [key for key, _ in found(session, pattern)]
+
+    for name in ("a", "b", "common"):
+        save_map(tmp_path / name, round_map())
+    everyones = everywhere(KEYFRAMES, MANIFEST)
+    with (
+        fleet.router(),
+        fleet.guest("robot-a") as a,
+        fleet.guest("robot-b") as b,
+        fleet.guest("station") as station,
+        MapServer(a, "robot-a/wayfi/keyframes", lambda: {"run": tmp_path / "a"}),
+        MapServer(b, "robot-b/wayfi/keyframes", lambda: {"run": tmp_path / "b"}),
+        MapServer(b, "robot-b/wayfi/common", lambda: {"map": tmp_path / "b"}),  # which it may not serve
+        MapServer(station, "station/wayfi/common", lambda: {"map": tmp_path / "common"}),
+    ):
+        theirs = {f"robot-{name}/wayfi/keyframes/run/{MANIFEST}" for name in "ab"}
+        eventually(lambda: set(maps(station, everyones)) == theirs)
+        eventually(lambda: maps(a, everywhere(COMMON, MANIFEST)) == [f"station/wayfi/common/map/{MANIFEST}"])
+        assert maps(a, f"robot-b/wayfi/keyframes/run/{MANIFEST}") == []
 
 
 def test_the_station_sees_a_daemon_come_alive_and_the_status_that_it_kept(fleet: Fleet) -> None:

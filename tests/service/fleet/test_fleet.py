@@ -22,6 +22,7 @@ from wayfi.recordings.ros.messages import OCCUPANCY_GRID, POSE_WITH_COVARIANCE, 
 from wayfi.service.fleet.fleet_file import Fleet, read_fleet
 from wayfi.service.fleet.robot_folders import MAP, robot_folder
 
+pytestmark = pytest.mark.slow
 ROUTES = (ROUTE, ROUTE[::-1], (*ROUTE[3:], *ROUTE[:4]))
 FIRST_SHARE = 0.85  # of a drive, before the robots are looked for
 RATE = 6.0  # times real time
