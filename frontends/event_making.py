@@ -36,9 +36,9 @@ def keyframe_events(number: int, keyframe: Keyframe, tracked: KeyframeMatch | No
     return [added, SubmapMatched(keyframe.point.stamp_ns, number, submap, Pose2.of(poses[-1]), ratio)]
 
 
-def grid_event(stamp_ns: int, grid: OccupancyGrid) -> GridRedrawn:
-    """The event of a grid as drawn at `stamp_ns`."""
-    return GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m)
+def grid_event(stamp_ns: int, grid: OccupancyGrid, floor: int = 0) -> GridRedrawn:
+    """The event of the grid of a floor as drawn at `stamp_ns`."""
+    return GridRedrawn(stamp_ns, grid.probability(), grid.resolution_m, grid.origin_xy_m, floor)
 
 
 def fingerprint_event(f: Fingerprint, similar: Similar) -> FingerprintAdded:

@@ -217,6 +217,14 @@ class StateChanged:
     failure_category: FailureCategory = FailureCategory.NONE
 
 
+@dataclass(frozen=True, slots=True)
+class FloorChanged:
+    """The robot is on another floor; None where it is not known on which. A drive begins on floor 0."""
+
+    stamp_ns: int
+    floor: int | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HypothesesFollowed:
     """Where the robot may be in a known map: `T_map_base` (n, 3), the claimed one first, and `evidence` (n,) in nats.
@@ -256,12 +264,16 @@ class Warned:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridRedrawn:
-    """The occupancy grid: `occupancy` (rows, columns) float32 in [0, 1], 0.5 unknown, row 0 at `origin` (m in map)."""
+    """The occupancy grid of a floor.
+
+    `occupancy` (rows, columns) is float32 in [0, 1], 0.5 unknown, row 0 at `origin` (m in map).
+    """
 
     stamp_ns: int
     occupancy: NDArray[np.float32]
     resolution_m: float
     origin_xy_m: tuple[float, float]
+    floor: int = 0
 
 
 Event = (
@@ -275,6 +287,7 @@ Event = (
     | GraphUpdated
     | CalibrationUpdated
     | StateChanged
+    | FloorChanged
     | HypothesesFollowed
     | Dropped
     | Warned

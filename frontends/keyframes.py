@@ -75,9 +75,16 @@ class Keyframes:
         self._keyframes.append(keyframe)
 
     def join(self, keyframe: int) -> None:
-        """The drive is found near this keyframe of the map, on its floor."""
+        """The drive is found near this keyframe of the map, on its floor.
+
+        What it has seen of a floor before it took an elevator is another floor: which one of the map's is not known.
+        """
         self.joined = True
-        self.change_floor(self.first, int(self.floors[keyframe]))
+        own = self.floors[self.first :]
+        here = own == self.floor
+        own[~here & (own == 0)] = self.floors.max() + 1
+        self.floor = int(self.floors[keyframe])
+        own[here] = self.floor
 
     def change_floor(self, first: int, floor: int) -> None:
         """The keyframes from number `first` on are on another floor; no closure relates them to those before."""

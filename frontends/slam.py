@@ -5,8 +5,7 @@ from itertools import pairwise
 from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.grid.grid_map import GridMap
-from wayfi.backend.grid.occupancy_grid import OccupancyGrid
+from wayfi.backend.grid.floor_grids import FloorGrids
 from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration
@@ -32,7 +31,7 @@ from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.frontends.slam_map import DriveParts, begin_with, final_trajectory, history_of, in_frame_of, map_of
+from wayfi.frontends.slam_map import DriveParts, begin_with, drive_estimate, history_of, in_frame_of, map_of
 from wayfi.frontends.step_matcher import StepMatcher
 from wayfi.frontends.timer import Timer
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
@@ -57,7 +56,7 @@ class SlamCore:
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
         self._floors = FloorTracker(self.keyframes, self._wifi, config.floors, config.wifi.similarity_sigma_db)
-        self._grid = GridMap(config.map)
+        self._grids = FloorGrids(config.map)
         self._start_tracking()
         self._verdicts = verdicts = Verdicts()
         self._lidar_closer = LidarCloser(self._graph, self.keyframes, verdicts, config.closure, config.lidar, timer)
@@ -68,7 +67,7 @@ class SlamCore:
         self._fix_closer = FixCloser(self._graph, self.keyframes, verdicts, config.closure)
         closers = self._lidar_closer, self._wifi_closer.claims, self._fix_closer
         self._parts = DriveParts(
-            self._graph, self.keyframes, self._wifi, self._grid, verdicts, self._lidar_closer, closers,
+            self._graph, self.keyframes, self._wifi, self._grids, verdicts, self._lidar_closer, closers,
             Vetoes(self._graph, verdicts, closers),
         )  # fmt: skip
         self._before = begin_with(building, self._parts, config.closure.min_path_m) if building else None
@@ -84,6 +83,11 @@ class SlamCore:
     def poses(self) -> Floats:
         """(n, 3) poses of all keyframes in `map`, as last updated."""
         return self._estimate.poses
+
+    @property
+    def floor(self) -> int | None:
+        """The floor of the map on which the robot is."""
+        return self.keyframes.floor
 
     def motion_to(self, point: PathPoint) -> WheelMotion:
         """The wheels' motion from the newest keyframe to `point`."""
@@ -133,6 +137,7 @@ class SlamCore:
         T = self.keyframes[keyframe].point.motion_to(scan.point).corrected(self._estimate.calibration)
         with self._timer("wifi"):
             events = self._floors.hear(scan, stamp_ns, self.poses)
+            events += self._redrawn(stamp_ns) if events else []
             fingerprint = self._wifi.add_scan(scan, keyframe, T)
             if fingerprint is None:
                 return events
@@ -162,10 +167,7 @@ class SlamCore:
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Redraw the grid if enough has come since the last time."""
-        if not self._grid.due:
-            return []
-        with self._timer("map"):
-            return [grid_event(stamp_ns, self._grid.redraw(self.poses))]
+        return self._redrawn(stamp_ns) if self._grids.due else []
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:
         """What is to be added to the laser's stamps, s; None while they are not known to differ from the odometry's."""
@@ -188,7 +190,7 @@ class SlamCore:
             self._graph.remove(number)
         self.keyframes.forget_scans()
         self._start_tracking()
-        self._grid.forget(self.keyframes.first)
+        self._grids.forget(self.keyframes.first)
         self._wifi_closer.withdraw_walls()
         return self._lidar_closer.withdraw(reason)
 
@@ -198,23 +200,22 @@ class SlamCore:
 
     def made_map(self) -> BuildingMap | None:
         """The map that the drive has made so far, its grid as drawn last; None before the first keyframe."""
-        return self._building(self.poses, self._grid.drawn()) if self.keyframe_count else None
+        return map_of(self._parts, self.poses, self._grids.drawn(), self._before) if self.keyframe_count else None
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops and draw the grid; returns the drive as estimated with everything."""
         events = self._settle(self.keyframes.newest.point.stamp_ns) if self.keyframe_count else []
         poses = in_frame_of(self.poses, None if self._fix_closer.factors() else self._before)
         with self._timer("map"):
-            grid = self._grid.settle(poses)
-        stamps_ns = trajectories.stamps_ns()
-        events.append(grid_event(int(stamps_ns[-1]) if len(stamps_ns) else 0, grid))
-        building = self._building(poses, grid)
-        final = final_trajectory(trajectories, self.keyframes, poses, building.calibration)
-        return DriveEstimate(stamps_ns, final, trajectories.online(), building), events
+            building = map_of(self._parts, poses, self._grids.settle(poses, self.keyframes.floors), self._before)
+        estimate, floor = drive_estimate(trajectories, self.keyframes, building), self.keyframes.floor
+        stamp_ns = int(estimate.stamps_ns[-1]) if len(estimate.stamps_ns) else 0
+        return estimate, [*events, grid_event(stamp_ns, building.grid_of(floor), floor)]
 
-    def _building(self, poses: Floats, grid: OccupancyGrid) -> BuildingMap:
-        calibration = Calibration(self._graph.calibration(), self._wifi.receivers.offsets)
-        return map_of(self._parts, poses, calibration, grid, self._before)
+    def _redrawn(self, stamp_ns: int) -> list[Event]:
+        with self._timer("map"):
+            grid = self._grids.redraw(self.poses, self.keyframes.floors)
+        return [grid_event(stamp_ns, grid, self.keyframes.floor)]
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""
@@ -297,4 +298,4 @@ class SlamCore:
         self.keyframes.append(Keyframe(point, placed.points if placed else None))
         self._estimate.append(guess)
         sensor = placed.points.T_base_laser if placed else Pose2()
-        self._grid.add(placed.hits if placed else NO_HITS, (sensor.x, sensor.y))
+        self._grids.add(self.keyframes.floor, placed.hits if placed else NO_HITS, (sensor.x, sensor.y))

@@ -1,13 +1,13 @@
 """The map that a drive goes on with, and the map that it makes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
 
 from wayfi.backend.graph.pose_graph import PoseGraph
-from wayfi.backend.grid.grid_map import GridMap
+from wayfi.backend.grid.floor_grids import FloorGrids
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, compose_all, rigid_fit
 from wayfi.frontends.calibration import Calibration
@@ -21,6 +21,7 @@ from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFinger
 from wayfi.frontends.maps.continuing import keyframes_before, load_graph
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.trajectories import Trajectories
+from wayfi.frontends.result import DriveEstimate, floors_at
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 
@@ -39,7 +40,7 @@ class DriveParts:
     graph: PoseGraph
     keyframes: Keyframes
     wifi: WifiFrontend
-    grid: GridMap
+    grids: FloorGrids
     verdicts: Verdicts
     lidar_closer: LidarCloser
     closers: Sequence[Closer]
@@ -53,7 +54,7 @@ def begin_with(building: BuildingMap, parts: DriveParts, gap_m: float) -> MapBef
     parts.keyframes.begin_with(keyframes, [k.floor for k in building.keyframes], building.pieces)
     for k in building.keyframes:
         sensor = k.scan.T_base_laser if k.scan else None
-        parts.grid.add(k.hits, (sensor.x, sensor.y) if sensor else (0.0, 0.0))
+        parts.grids.add(k.floor, k.hits, (sensor.x, sensor.y) if sensor else (0.0, 0.0))
     for f in building.fingerprints:
         place = keyframes[f.keyframe].point
         point = PathPoint(f.stamp_ns, place.T_path_base @ f.T_keyframe_base, place.path_m)
@@ -89,9 +90,10 @@ def in_frame_of(poses: Floats, before: MapBefore | None) -> Floats:
 
 
 def map_of(
-    parts: DriveParts, poses: Floats, calibration: Calibration, grid: OccupancyGrid, before: MapBefore | None
+    parts: DriveParts, poses: Floats, grids: Mapping[int, OccupancyGrid], before: MapBefore | None
 ) -> BuildingMap:
     """The map of a drive at the keyframes' `poses` (n, 3), and of what it has gone on with."""
+    calibration = Calibration(parts.graph.calibration(), parts.wifi.receivers.offsets)
     first = parts.keyframes.first
     calibrations, factors = parts.graph.calibrations_along(), parts.graph.factors()
     of_closures = {number: own for closer in parts.closers for number, own in closer.factors().items()}
@@ -112,25 +114,29 @@ def map_of(
             MapFingerprint(f.stamp_ns, f.receiver, f.keyframe, f.T_keyframe_base, f.path_m, f.readings)
             for f in parts.wifi.fingerprints
         ],
-        parts.wifi.weights(), calibration, grid, tuple(parts.keyframes.moved_to),
+        parts.wifi.weights(), calibration, grids, tuple(parts.keyframes.moved_to),
         frozenset(parts.vetoes.kept),
     )  # fmt: skip
 
 
 def history_of(parts: DriveParts, poses: Floats, stamp_ns: int) -> list[Event]:
-    """Every keyframe with its scan at its present pose of `poses` (n, 3), and the grid at `stamp_ns`."""
+    """Every keyframe with its scan at its present pose of `poses` (n, 3), and the present floor's grid."""
     numbered = enumerate(zip(parts.keyframes, poses, strict=True))
     keyframes = [keyframe_event(number, k, pose, np.nan) for number, (k, pose) in numbered]
-    return [*keyframes, grid_event(stamp_ns, deepcopy(parts.grid).redraw(poses))]
+    return [
+        *keyframes,
+        grid_event(stamp_ns, deepcopy(parts.grids).redraw(poses, parts.keyframes.floors), parts.keyframes.floor),
+    ]
 
 
-def final_trajectory(
-    trajectories: Trajectories, keyframes: Keyframes, poses: Floats, calibration: Calibration
-) -> Floats:
-    """(m, 3) poses of the drive at its end, by the `poses` (n, 3) of all keyframes."""
+def drive_estimate(trajectories: Trajectories, keyframes: Keyframes, building: BuildingMap) -> DriveEstimate:
+    """The drive at its end, by the poses of all `keyframes` in the map that it has made."""
     first, points = keyframes.first, [k.point for k in keyframes.own]
     moved_to = [k - first for k in keyframes.moved_to if k > first]
-    return trajectories.final(points, poses[first:], calibration.wheels.values, moved_to)
+    final = trajectories.final(points, building.poses[first:], building.calibration.wheels.values, moved_to)
+    stamps_ns = trajectories.stamps_ns()
+    since = [(point.stamp_ns, floor) for point, floor in zip(points, keyframes.floors[first:].tolist(), strict=True)]
+    return DriveEstimate(stamps_ns, final, trajectories.online(), building, floors_at(stamps_ns, since))
 
 
 def _map_keyframes(parts: DriveParts, session: int, before: MapBefore | None) -> list[MapKeyframe]:
@@ -140,5 +146,5 @@ def _map_keyframes(parts: DriveParts, session: int, before: MapBefore | None) ->
     floors = parts.keyframes.floors.tolist()
     return [
         MapKeyframe(k.point.stamp_ns, float(path_m), k.scan, *rest)
-        for k, path_m, *rest in zip(parts.keyframes, paths_m, parts.grid.hits(), sessions, floors, strict=True)
+        for k, path_m, *rest in zip(parts.keyframes, paths_m, parts.grids.hits(), sessions, floors, strict=True)
     ]

@@ -43,7 +43,7 @@ class SwitchingPipeline(Pipeline):
             return []
         if latest is None or not self._core.keyframe_count:
             return [Warned(self.stamp_ns, "the mode stays as it is: there is nothing of a map yet")]
-        anchor = self._core.anchor()
+        anchor, floor = self._core.anchor(), self._core.floor
         ended, events = self._core.finish(self._trajectories)
         self._ended.append(ended)
         self.localises = localises
@@ -54,7 +54,7 @@ class SwitchingPipeline(Pipeline):
         if anchor is None:
             return events + begun
         now = anchor.pose_at(latest, latest.T_path_base, self._config.odometry)
-        known = core.take_over(latest.stamp_ns, now.T_map_base, now.covariance)
+        known = core.take_over(latest.stamp_ns, now.T_map_base, now.covariance, floor or 0)
         return [*events, *(event for event in begun if not isinstance(event, StateChanged)), *known]
 
     def finish(self) -> tuple[DriveEstimate, list[Event]]:
@@ -64,7 +64,8 @@ class SwitchingPipeline(Pipeline):
         stamps_ns = np.concatenate([part.stamps_ns for part in parts])
         final = np.concatenate([part.final for part in parts])
         online = np.concatenate([part.online for part in parts])
-        return replace(last, stamps_ns=stamps_ns, final=final, online=online), events
+        floors = np.concatenate([part.floors for part in parts])
+        return replace(last, stamps_ns=stamps_ns, final=final, online=online, floors=floors), events
 
     def _begin_part(self, core: LocalizationCore | ContinuedSlam) -> None:
         self._core = core

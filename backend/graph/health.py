@@ -24,6 +24,7 @@ class FailureCategory(StrEnum):
     NONE = "none"
     NOT_FOUND_YET = "not_found_yet"
     AMBIGUOUS = "ambiguous"
+    FLOOR_UNKNOWN = "floor_unknown"
     NOT_IN_MAP = "not_in_map"
     NO_SENSOR = "no_sensor"
     NO_FIX = "no_fix"

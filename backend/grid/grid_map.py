@@ -5,6 +5,7 @@ added up in the order of the drive, so that newer evidence wins.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +57,14 @@ class GridMap:
 
     def forget(self, first: int) -> None:
         """Remove the hits of the keyframes from number `first` on."""
-        emptied = GridMap(self._config)
-        for number, scan in enumerate(self._scans):
-            emptied.add(scan.hits if number < first else NO_HITS, scan.sensor_xy_m)
-        vars(self).update(vars(emptied))
+        self.replace_from(first, [NO_HITS] * (len(self._scans) - first))
+
+    def replace_from(self, first: int, hits: Sequence[Points]) -> None:
+        """Replace the hits of the keyframes from number `first` on; all is drawn again."""
+        anew = GridMap(self._config)
+        for scan, each in zip(self._scans, [*self.hits()[:first], *hits], strict=True):
+            anew.add(each, scan.sensor_xy_m)
+        vars(self).update(vars(anew))
 
     @property
     def due(self) -> bool:

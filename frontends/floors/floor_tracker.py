@@ -3,13 +3,13 @@
 import numpy as np
 
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.events import Event, Warned
+from wayfi.frontends.events import Event, FloorChanged, Warned
 from wayfi.frontends.floors.floor_config import FloorConfig
 from wayfi.frontends.floors.floor_watch import FloorWatch
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.scan_points import ScanPoints
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
-from wayfi.frontends.wifi.readings import PlacedWifiScan
+from wayfi.frontends.wifi.readings import PlacedWifiScan, Readings
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 
@@ -46,17 +46,31 @@ class FloorTracker:
         self._begin_doubt(was_doubtful)
         if not tells:
             return []
-        keyframes = self._keyframes
+        keyframes, before = self._keyframes, self._keyframes.floor
+        known = self._known_near(poses)
+        floor = self._watch.floor_of(scan.readings, known, before, int(keyframes.floors.max()))
+        if floor == before:
+            return []
+        if floor not in (at for at, _ in known) and self._began_in_cabin():
+            return [Warned(stamp_ns, f"floor {before} is where the robot left the elevator that it was switched on in")]
+        told = f"floor {floor}: WiFi has changed since the robot stood in a cabin on floor {before}"
+        keyframes.change_floor(self._first, floor)
+        return [Warned(stamp_ns, told), FloorChanged(stamp_ns, floor)]
+
+    def _known_near(self, poses: Floats) -> list[tuple[int, Readings]]:
+        """The fingerprints near the robot from before the cabin with their floors; a map's only once it is joined."""
         positions = poses[:, :2]
         near = np.hypot(*(positions - positions[-1]).T) < self._config.near_m
+        near[: 0 if self._keyframes.joined else self._keyframes.first] = False
         heard = [f for f in self._wifi.fingerprints if near[f.keyframe] and f.keyframe < self._first]
-        at = [(int(keyframes.floors[f.keyframe]), f.readings) for f in heard]
-        floor = self._watch.floor_of(scan.readings, at, keyframes.floor, int(keyframes.floors.max()))
-        if floor == keyframes.floor:
-            return []
-        told = f"floor {floor}: WiFi has changed since the robot stood in a cabin on floor {keyframes.floor}"
-        keyframes.change_floor(self._first, floor)
-        return [Warned(stamp_ns, told)]
+        return [(int(self._keyframes.floors[f.keyframe]), f.readings) for f in heard]
+
+    def _began_in_cabin(self) -> bool:
+        """Whether the drive has seen nothing but the cabin before: there is no floor that the robot has left."""
+        keyframes = self._keyframes
+        last = max(self._first - 1, keyframes.first)
+        driven_m = keyframes.paths_m[last] - keyframes.paths_m[keyframes.first]
+        return bool(driven_m < self._config.leaving_m)
 
     def _begin_doubt(self, was_doubtful: bool) -> None:
         """Scans from here on are compared with none of before: outside of the cabin there may be other walls."""

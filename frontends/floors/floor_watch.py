@@ -34,6 +34,14 @@ class FloorWatch:
         if is_cabin(scan, self._config):
             self._cabin_m = path_m
 
+    def leave(self, path_m: float) -> None:
+        """The robot may be leaving its floor, at `path_m` (m) of the path."""
+        self.left_m = path_m
+
+    def settle(self) -> None:
+        """The floor is known again."""
+        self.left_m = None
+
     def drive(self, path_m: float) -> None:
         """The path has come to `path_m` (m): where WiFi has been silent for long, the floor is taken to be the same."""
         if self.left_m is not None and path_m - self.left_m > self._config.silent_m:

@@ -1,5 +1,7 @@
 """What may be claimed: when a place is confirmed, when it is doubted, and when it is given up."""
 
+from collections.abc import Sequence
+
 from wayfi.backend.graph.health import FailureCategory, Health, State, position_sigma
 from wayfi.frontends.localization.cluster import Cluster
 from wayfi.frontends.localization.localization_config import ClaimConfig
@@ -22,7 +24,9 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     least = config.min_quality if wifi.known else config.min_quality_alone
     if best.quality < least:
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"the scans fit the map to {best.quality:.2f}, under {least:g}")
-    if wifi.nats(best.T_map_base) < -config.most_below_best:
+    if cluster.twin_floors and not wifi.known:
+        return _not_yet(FailureCategory.AMBIGUOUS, _look_alike(best.floor, cluster.twin_floors))
+    if wifi.nats(best.T_map_base, best.floor) < -config.most_below_best:
         return _not_yet(FailureCategory.WIFI_ELSEWHERE, "WiFi names another place than the laser")
     if cluster.gain < config.min_gain:
         return _not_yet(FailureCategory.AMBIGUOUS, f"{max(cluster.rivals, 1) + 1} places of the map look alike so far")
@@ -52,6 +56,11 @@ def judge_claim(cluster: Cluster, state: State, elsewhere: int, config: ClaimCon
         text = "the walls leave the place open along them; WiFi and wheels tell it"
         return Health(State.UNCERTAIN, text, FailureCategory.POSE_IMPRECISE)
     return Health(State.TRACKING, f"{claimed.agreed} scans in a row agree with the map")
+
+
+def _look_alike(floor: int, twins: Sequence[int]) -> str:
+    *others, last = sorted([floor, *twins])
+    return f"floors {', '.join(map(str, others))} and {last} look alike here, and no WiFi tells which one it is"
 
 
 def _not_yet(category: FailureCategory, text: str) -> Health:

@@ -22,7 +22,7 @@ class Cluster:
     """The `best` hypothesis, and the mean `T_map_base` and (3, 3) covariance of those that are the same place.
 
     They are those of the local `keyframe`. `gain` (nats) is their evidence over that of all others, of which `rivals`
-    come within the gain that confirms; `proposed` searches found it.
+    come within the gain that confirms; `proposed` searches found it. On `twin_floors` the last scans fit about as well.
     """
 
     best: Hypothesis
@@ -32,6 +32,7 @@ class Cluster:
     gain: float
     rivals: int
     proposed: int
+    twin_floors: tuple[int, ...] = ()
 
     def is_sharp(self, config: ClaimConfig, slack: float = 1.0) -> bool:
         """Whether the pose is known as well as scans tell; `slack` multiplies the bounds."""
@@ -41,7 +42,7 @@ class Cluster:
 
 def score(hypothesis: Hypothesis, wifi: WifiSupport) -> float:
     """The evidence (nats) of laser and WiFi for a hypothesis, to compare with that for others."""
-    return hypothesis.evidence + wifi.nats(hypothesis.T_map_base)
+    return hypothesis.evidence + wifi.nats(hypothesis.T_map_base, hypothesis.floor)
 
 
 def cluster_of(
@@ -60,11 +61,12 @@ def cluster_of(
     if not tried:
         return None
     here = [h.T_map_base @ track.between(h.keyframe, track.newest) for h in hypotheses]
-    scores = np.array([h.evidence + wifi.nats(T) for h, T in zip(hypotheses, here, strict=True)])
-    around = tried if best is None else _near(here, here[hypotheses.index(best)], tried, config)
+    scores = np.array([h.evidence + wifi.nats(T, h.floor) for h, T in zip(hypotheses, here, strict=True)])
+    floors = [h.floor for h in hypotheses]
+    around = tried if best is None else _near(here, floors, hypotheses.index(best), tried, config)
     k = max(around, key=lambda i: scores[i])
-    inside = _near(here, here[k], tried, config)
-    near = _near(here, here[k], range(len(here)), config)
+    inside = _near(here, floors, k, tried, config)
+    near = _near(here, floors, k, range(len(here)), config)
     outside = np.delete(scores, near)
     total = float(np.logaddexp.reduce(scores[inside]))
     weights = np.exp(scores[inside] - total)
@@ -75,13 +77,31 @@ def cluster_of(
     gain = total - float(np.logaddexp.reduce(outside)) if len(outside) else math.inf
     rivals = int((scores[k] - outside < config.min_gain).sum())
     proposed = max(hypotheses[i].proposed for i in inside)
-    return Cluster(hypotheses[k], track.newest, Pose2.of(here[k].array() + mean), covariance, gain, rivals, proposed)
+    twins = _twin_floors(hypotheses, hypotheses[k], config)
+    return Cluster(
+        hypotheses[k], track.newest, Pose2.of(here[k].array() + mean), covariance, gain, rivals, proposed, twins
+    )
 
 
-def _near(poses: Sequence[Pose2], best: Pose2, numbers: Iterable[int], config: ClaimConfig) -> list[int]:
+def _near(
+    poses: Sequence[Pose2], floors: Sequence[int], best: int, numbers: Iterable[int], config: ClaimConfig
+) -> list[int]:
     """Those of the `numbers` whose poses are one place with the best one."""
+    at = poses[best]
     return [
         k
         for k in numbers
-        if (T := poses[k]).distance(best) < config.cluster_m and abs(wrap(T.theta - best.theta)) < config.cluster_rad
+        if floors[k] == floors[best]
+        and (T := poses[k]).distance(at) < config.cluster_m
+        and abs(wrap(T.theta - at.theta)) < config.cluster_rad
     ]
+
+
+def _twin_floors(hypotheses: Sequence[Hypothesis], best: Hypothesis, config: ClaimConfig) -> tuple[int, ...]:
+    """The other floors with a place that as many scans in a row agree with, about as well."""
+    return tuple(sorted({h.floor for h in hypotheses if h.floor != best.floor and is_twin(h, best, config)}))
+
+
+def is_twin(hypothesis: Hypothesis, best: Hypothesis, config: ClaimConfig) -> bool:
+    """Whether the last scans fit the place of a hypothesis about as well as that of the best one."""
+    return hypothesis.agreed >= config.fixes and hypothesis.quality >= best.quality - config.twin_quality

@@ -20,7 +20,7 @@ class Follower:
         self, building: BuildingMap, track: LocalTrack, lidar: LidarConfig, config: LocalizationConfig
     ) -> None:
         self._track, self._lidar, self._config = track, lidar, config
-        self._places = MapPlaces(building, lidar, config.places)
+        self._places = {floor: MapPlaces(building, lidar, config.places, floor) for floor in building.floors}
         self._matcher = MapMatcher(lidar, config.fix)
 
     def catch_up(self, hypothesis: Hypothesis, most: int) -> int:
@@ -57,12 +57,13 @@ class Follower:
         """Compare the scan where the hypothesis is with the map; returns 1 if there was something to compare."""
         track, T = self._track, hypothesis.T_map_base
         scan, claim = track.scan(hypothesis.keyframe), self._config.claim
-        if scan is None or len(scan.points) < self._lidar.min_points or not len(self._places):
+        places = self._places[hypothesis.floor]
+        if scan is None or len(scan.points) < self._lidar.min_points or not len(places):
             return 0
-        number, distance_m = self._places.nearest(np.array([T.x, T.y]))
+        number, distance_m = places.nearest(np.array([T.x, T.y]))
         if distance_m > FAR_M or not hypothesis.is_new_place(claim):
             return 0
-        fix = self._matcher.fix(scan, self._places.place(number), T, hypothesis.covariance)
+        fix = self._matcher.fix(scan, places.place(number), T, hypothesis.covariance)
         if hypothesis.is_new:
             hypothesis.open_along(fix, self._config.proposals.open_sigma_m)
         hypothesis.update(fix, track.point(hypothesis.keyframe).path_m, claim)

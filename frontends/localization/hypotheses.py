@@ -16,7 +16,7 @@ SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
 @dataclass(slots=True, eq=False)
 class Hypothesis:
-    """The robot is at `T_map_base` at the local `keyframe`, with (3, 3) covariance in `map`.
+    """The robot is at `T_map_base` on a `floor` at the local `keyframe`, with (3, 3) covariance in `map`.
 
     `evidence` (nats) sums what its fixes lack of a perfect fit; `proposed` searches found it. `quality` is the
     mean one of its last fixes. `agreed` fixes in a row
@@ -28,6 +28,7 @@ class Hypothesis:
     covariance: Floats
     keyframe: int
     evidence: float = 0.0
+    floor: int = 0
     proposed: int = 1
     quality: float = 1.0
     agreed: int = 0

@@ -118,6 +118,10 @@ class LocalTrack:
         self._drop()
         return step
 
+    def leave(self) -> None:
+        """The robot may see other walls from the next keyframe on: its scan is compared with none of before."""
+        self._keyframes.begin_piece(0.0)
+
     def look(self, point: PathPoint, placed: PlacedScan) -> bool:
         """Compare a scan that was taken while the wheels stood; returns whether the robot moved all the same."""
         motion = self.motion_to(point)
@@ -131,7 +135,9 @@ class LocalTrack:
     def _step(self, point: PathPoint, placed: PlacedScan | None) -> Step:
         motion = self.motion_to(point)
         guess = motion.corrected(self._calibration)
-        tracked = self.steps.match(placed, motion, guess, len(self), self._poses) if placed else None
+        begins_piece = self._keyframes.begins_piece(len(self._keyframes))
+        compared = placed if not begins_piece else None
+        tracked = self.steps.match(compared, motion, guess, len(self), self._poses) if compared else None
         covariance = self.steps.wheel_covariance(motion, tracked)
         moved = tracked is not None and tracked.judged.finding is Finding.MISFIT
         if tracked is None or not self.steps.accepts(tracked):

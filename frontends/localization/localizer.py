@@ -1,12 +1,14 @@
 """Localisation in a map: proposes places, follows hypotheses, and claims one when independent evidence confirms it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wayfi.backend.graph.health import FailureCategory, Health, State
 from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.claims import judge_claim, why_not_confirmed
-from wayfi.frontends.localization.cluster import Cluster, cluster_of, score
+from wayfi.frontends.localization.cluster import Cluster, cluster_of, is_twin, score
 from wayfi.frontends.localization.coarse_claim import CoarseClaim
 from wayfi.frontends.localization.follower import Follower
 from wayfi.frontends.localization.hypotheses import Hypothesis, is_same
@@ -20,6 +22,11 @@ from wayfi.frontends.wifi.readings import Readings
 
 WIFI_PLACES = 8  # asked of WiFi: what it gives the next ones is not worth a search
 
+IN_ELEVATOR = Health(
+    State.RELOCALISING,
+    "the robot may be in an elevator: its floor is sought once it has left",
+    FailureCategory.FLOOR_UNKNOWN,
+)
 NOT_YET = Health(State.RELOCALISING, "no place has been found yet", FailureCategory.NOT_FOUND_YET)
 
 
@@ -38,6 +45,8 @@ class Localizer:
         self._elsewhere = 0
         self._coarse = CoarseClaim(config.coarse_claim)
         self._scanned_m = 0.0  # of path, up to the last scan
+        self._floors = building.floors
+        self.in_elevator = False
         self._cluster: Cluster | None = None
         self.claimed: Hypothesis | None = None
         self.health = NOT_YET
@@ -53,6 +62,14 @@ class Localizer:
     def _pose_by_wifi(self) -> tuple[int, Pose2, Floats] | None:
         place = self._coarse.claimed
         return None if place is None else (self._track.newest, place.T_map_base, place.covariance)
+
+    @property
+    def floor(self) -> int | None:
+        """The floor of the pose that is claimed; None while none is, unless the map has but one."""
+        if len(self._floors) == 1:
+            return self._floors[0]
+        place = self.claimed or self._coarse.claimed
+        return None if place is None else place.floor
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -83,18 +100,38 @@ class Localizer:
         if self.claimed is None:
             return
         config, T = self._config.claim, self.claimed.T_map_base
-        apart = self._wifi.nats(T) < -config.wifi_below_best and self._wifi.metres(T) > config.wifi_apart_m
+        floor = self.claimed.floor
+        apart = self._wifi.nats(T, floor) < -config.wifi_below_best
+        apart &= self._wifi.metres(T, floor) > config.wifi_apart_m
         apart |= self._wifi.is_elsewhere(config.least_in_map)
         self._elsewhere = self._elsewhere + 1 if apart else 0
 
     def add_initial(self, T_map_base: Pose2, covariance: Floats) -> None:
-        """Follow a pose that was given from outside as one more hypothesis."""
+        """Follow a pose that was given from outside as one more hypothesis, on each floor."""
         if self._track.newest >= 0:
-            self._hypotheses.append(Hypothesis(T_map_base, covariance, self._track.newest))
+            newest = self._track.newest
+            self._hypotheses += [Hypothesis(T_map_base, covariance, newest, floor=floor) for floor in self._floors]
 
-    def take_over(self, T_map_base: Pose2, covariance: Floats) -> None:
-        """Claim a pose at the newest keyframe that was claimed by others, who knew the map, until now."""
-        self.claimed = Hypothesis(T_map_base, covariance, self._track.newest)
+    def leave_floor(self) -> None:
+        """The robot may be in an elevator: until `enter_floor` nothing is claimed, then it may be on any floor."""
+        self.in_elevator = True
+        self._belief.spread_over(self._floors)
+        left, self._hypotheses = self.claimed, []
+        if left is not None:
+            self._hypotheses = [left, *(replace(left, floor=floor) for floor in self._floors if floor != left.floor)]
+            for hypothesis in self._hypotheses:
+                hypothesis.doubt()
+        self.claimed, self._cluster, self._elsewhere, self.health = None, None, 0, IN_ELEVATOR
+        self._coarse = CoarseClaim(self._config.coarse_claim)
+        self._proposals.restart()
+
+    def enter_floor(self) -> None:
+        """The robot has left the elevator."""
+        self.in_elevator = False
+
+    def take_over(self, T_map_base: Pose2, covariance: Floats, floor: int) -> None:
+        """Claim a pose on a floor at the newest keyframe that was claimed by others, who knew the map, until now."""
+        self.claimed = Hypothesis(T_map_base, covariance, self._track.newest, floor=floor)
         self._hypotheses.append(self.claimed)
         self._cluster = cluster_of(self._hypotheses, self._track, self._wifi, self._config.claim, self.claimed)
         self.health = Health(State.TRACKING, "the pose was known before the mode was changed")
@@ -128,7 +165,7 @@ class Localizer:
         for other in self._hypotheses:
             if other.keyframe >= track.first:
                 T = proposed.T_map_base @ track.between(proposed.keyframe, other.keyframe)
-                if is_same(T, other.T_map_base):
+                if other.floor == proposed.floor and is_same(T, other.T_map_base):
                     other.proposed += 1
                     return
         back = track.back(config.reach_m)
@@ -136,7 +173,7 @@ class Localizer:
         # its way up to there is taken to have fitted as well as that of any other
         before = [e for h in self._hypotheses if (e := h.evidence_at(back)) is not None]
         covariance = diagonal_covariance(config.sigma_m, config.sigma_rad)
-        self._hypotheses.append(Hypothesis(T, covariance, back, max(before, default=0.0)))
+        self._hypotheses.append(Hypothesis(T, covariance, back, max(before, default=0.0), proposed.floor))
 
     def _drop(self) -> None:
         """Drop the hypotheses that the laser contradicts, that are far worse than the best, or another one by now."""
@@ -146,17 +183,22 @@ class Localizer:
         least = max(seasoned, default=-np.inf) - config.drop_gain
         kept: list[Hypothesis] = []
         for h in ordered:
-            same = any(h.keyframe == k.keyframe and is_same(h.T_map_base, k.T_map_base) for k in kept)
-            contradicted = h.contradicted >= config.drop_fixes or score(h, self._wifi) < least
-            if h is self.claimed or not (same or contradicted):
+            same = any(_is_one(h, k) for k in kept)
+            worse = score(h, self._wifi) < least and not self._is_twin_floor(h, ordered[0])
+            if h is self.claimed or not (same or worse or h.contradicted >= config.drop_fixes):
                 kept.append(h)
         self._hypotheses = kept[: self._config.most_hypotheses]
+
+    def _is_twin_floor(self, hypothesis: Hypothesis, best: Hypothesis) -> bool:
+        """Whether nothing but WiFi, which is silent, could tell the floor of a hypothesis from that of the best one."""
+        other_floor = hypothesis.floor != best.floor and not self._wifi.known
+        return other_floor and is_twin(hypothesis, best, self._config.claim)
 
     def _judge(self) -> None:
         """Claim the best place if the evidence confirms it."""
         config = self._config.claim
         cluster = cluster_of(self._hypotheses, self._track, self._wifi, config)
-        if cluster is None:
+        if cluster is None or self.in_elevator:
             return
         why_not = why_not_confirmed(cluster, self._wifi, self._proposals.complete, config)
         if why_not is None:
@@ -194,3 +236,7 @@ class Localizer:
         self.claimed.doubt()
         self.claimed, self._cluster, self._elsewhere, self.health = None, None, 0, health
         self._proposals.restart()
+
+
+def _is_one(a: Hypothesis, b: Hypothesis) -> bool:
+    return a.floor == b.floor and a.keyframe == b.keyframe and is_same(a.T_map_base, b.T_map_base)

@@ -30,14 +30,15 @@ class Place:
 
 
 class MapPlaces:
-    """The places of a map by number; what is matched with is made when it is needed, and the last used are kept."""
+    """The places of a floor by number; what is matched with is made when it is needed, and the last used are kept."""
 
-    def __init__(self, building: BuildingMap, lidar: LidarConfig, config: MapPlacesConfig) -> None:
+    def __init__(self, building: BuildingMap, lidar: LidarConfig, config: MapPlacesConfig, floor: int = 0) -> None:
         self._lidar, self._config = lidar, config
         usable = [
             k
             for k, keyframe in enumerate(building.keyframes)
-            if keyframe.scan is not None
+            if keyframe.floor == floor
+            and keyframe.scan is not None
             and len(keyframe.scan.points) >= lidar.min_points
             and np.isfinite(building.poses[k]).all()
         ]

@@ -58,11 +58,11 @@ class SearchResult:
 
 
 class MapSearch:
-    """Searches a map, one `begin` after the other; what it compares with is built on the way of the first one."""
+    """Searches a floor, one `begin` after the other; what it compares with is built on the way of the first one."""
 
-    def __init__(self, building: BuildingMap, config: MapSearchConfig) -> None:
-        self._config, self._building = config, building
-        self._steps: Iterator[PlaceField | None] = building_steps(building, config)
+    def __init__(self, building: BuildingMap, config: MapSearchConfig, floor: int = 0) -> None:
+        self._config, self._building, self._floor = config, building, floor
+        self._steps: Iterator[PlaceField | None] = building_steps(building, config, floor)
         self._taken = 0  # of these steps
         self._field: PlaceField | None = None
         self._wanted: tuple[Floats, Region | None] | None = None
@@ -75,7 +75,7 @@ class MapSearch:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore, and take the steps that were taken of a field that is not complete."""
         vars(self).update(state)
-        self._steps = building_steps(self._building, self._config)
+        self._steps = building_steps(self._building, self._config, self._floor)
         for _ in range(self._taken if self._field is None else 0):
             next(self._steps)
 

@@ -44,18 +44,23 @@ class PlaceField(NamedTuple):
     cell_m: float
 
 
-def building_steps(building: BuildingMap, config: MapSearchConfig) -> Iterator[PlaceField | None]:
-    """Build the field of a map step by step, each step a few milliseconds; the last one yields it."""
-    numbers = [k for k, keyframe in enumerate(building.keyframes) if keyframe.scan is not None and _finite(building, k)]
+def building_steps(building: BuildingMap, config: MapSearchConfig, floor: int = 0) -> Iterator[PlaceField | None]:
+    """Build the field of a floor of a map step by step, each step a few milliseconds; the last one yields it."""
+    grid = building.grid_of(floor)
+    numbers = [
+        k
+        for k, keyframe in enumerate(building.keyframes)
+        if keyframe.scan is not None and keyframe.floor == floor and _finite(building, k)
+    ]
     places = building.poses[numbers, :2]
-    origin, shape, cell_m = _extent(places, building.grid, config.cell_m)
+    origin, shape, cell_m = _extent(places, grid, config.cell_m)
     walls = np.zeros((shape[0] * PARTS, shape[1] * PARTS), np.bool_)
     for start in range(0, len(numbers), SLICE):
         for k in numbers[start : start + SLICE]:
             scan = building.keyframes[k].scan
             assert scan is not None
             points = Pose2.of(building.poses[k]).transform(scan.points)
-            _mark(walls, _still_there(points, building.grid), origin, cell_m / PARTS)
+            _mark(walls, _still_there(points, grid), origin, cell_m / PARTS)
         yield None
     fine, coarse = np.zeros(walls.shape, np.uint8), np.zeros(shape, np.uint8)
     for start in range(0, len(walls), BAND):
@@ -67,7 +72,7 @@ def building_steps(building: BuildingMap, config: MapSearchConfig) -> Iterator[P
     for k in range(1, LEVELS):
         pooled.append(_pooled(pooled[-1], 2 ** (k - 1)))
         yield None
-    open_levels = [_open_cells(building.grid, places, origin, shape, cell_m)]
+    open_levels = [_open_cells(grid, places, origin, shape, cell_m)]
     for _ in range(1, LEVELS):
         open_levels.append(_halved(open_levels[-1]))
     yield PlaceField(tuple(pooled), tuple(open_levels), fine, origin, cell_m)

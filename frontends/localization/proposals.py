@@ -17,10 +17,11 @@ from wayfi.frontends.scan_points import ScanPoints
 
 @dataclass(frozen=True, slots=True)
 class Proposed:
-    """A pose in `map` that was proposed for the local `keyframe`."""
+    """A pose on a floor of the map that was proposed for the local `keyframe`."""
 
     T_map_base: Pose2
     keyframe: int
+    floor: int
 
 
 class Proposals:
@@ -33,8 +34,9 @@ class Proposals:
         self, building: BuildingMap, track: LocalTrack, lidar: LidarConfig, config: LocalizationConfig
     ) -> None:
         self._track, self._config, self._least_points = track, config.proposals, lidar.min_points
-        self._search = MapSearch(building, config.search)
-        self._regions: deque[Region | None] = deque()
+        self._searches = {floor: MapSearch(building, config.search, floor) for floor in building.floors}
+        self._floor = 0  # that is searched
+        self._regions: deque[tuple[int, Region | None]] = deque()
         self._scans: tuple[list[ScanPoints], Floats] = [], np.empty((0, 3))
         self._keyframe = -1
         self._complete_so_far = True
@@ -70,30 +72,33 @@ class Proposals:
 
     def go_on(self) -> list[Proposed]:
         """Search on by one slice; returns the poses that it ends with, if it does."""
-        result = self._search.go_on(self._config.work)
+        result = self._searches[self._floor].go_on(self._config.work)
         if result is None:
             return []
         self._complete_so_far &= result.complete
+        proposed = [Proposed(place.T_map_base, self._keyframe, self._floor) for place in result.places]
         self._begin_next()
         if not self._running:
             self.complete = self._complete_so_far
-        return [Proposed(place.T_map_base, self._keyframe) for place in result.places]
+        return proposed
 
     def _begin_next(self) -> None:
         self._running = False
         while self._regions and not self._running:
-            self._running = self._search.begin(*self._scans, self._regions.popleft())
+            self._floor, region = self._regions.popleft()
+            self._running = self._searches[self._floor].begin(*self._scans, region)
 
-    def _regions_of(self, wifi: WifiSupport) -> list[Region | None]:
-        """The regions where WiFi puts the robot, the likeliest first; the whole map where it names none."""
+    def _regions_of(self, wifi: WifiSupport) -> list[tuple[int, Region | None]]:
+        """The floors and regions where WiFi puts the robot, the likeliest first; the whole map where it names none."""
         if not wifi.known:
-            return [None]
-        regions: list[Region | None] = []
+            return [(floor, None) for floor in self._searches]
+        regions: list[tuple[int, Region | None]] = []
         weight = 0.0
         for place in wifi.places[: self._config.wifi_places]:
             if weight >= self._config.wifi_weight * wifi.weight:
                 break
             weight += place.weight
             sigma_m = float(np.sqrt(np.linalg.eigvalsh(place.covariance[:2, :2])[-1]))
-            regions.append(Region(place.T_map_base.x, place.T_map_base.y, self._config.wifi_sigmas * sigma_m))
+            region = Region(place.T_map_base.x, place.T_map_base.y, self._config.wifi_sigmas * sigma_m)
+            regions.append((place.floor, region))
         return regions

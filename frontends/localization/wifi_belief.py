@@ -1,5 +1,6 @@
 """Where WiFi and wheels put the robot in a known map, or that it is not in it."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,10 @@ class WifiBelief:
         self._covariance = lever @ self._covariance @ lever.T + rotation @ covariance @ rotation.T
         self._step = self._step @ step
         self._moved_m += float(np.hypot(step.x, step.y))
+
+    def spread_over(self, floors: Sequence[int]) -> None:
+        """The robot may have taken an elevator to any of these floors."""
+        self._particles.spread_over(floors)
 
     def add(self, receiver: str, readings: Readings) -> None:
         """Use a scan, or the mean of some, that `receiver` heard where the robot is now."""

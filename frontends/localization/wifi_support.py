@@ -14,7 +14,7 @@ FLOOR_M = 0.5  # added to WiFi's sigma: what a map's fingerprints are spread by
 
 
 class WifiSupport:
-    """The mixture of the places that WiFi names, as a density of the position.
+    """The mixture of the places that WiFi names, as a density of the position on each floor.
 
     `heard` tells whether any scan has come at all.
     """
@@ -25,7 +25,8 @@ class WifiSupport:
         covariances = np.array([_position(p) for p in places]).reshape(-1, 2, 2)
         self._information = np.linalg.inv(covariances)
         self._heights = np.array([p.weight for p in places]) / np.sqrt(np.linalg.det(covariances))
-        self._peak = max((self._density(p.T_map_base) for p in places), default=0.0)
+        self._floors = np.array([p.floor for p in places], np.int64)
+        self._peak = max((self._density(p.T_map_base, p.floor) for p in places), default=0.0)
 
     @property
     def known(self) -> bool:
@@ -41,20 +42,23 @@ class WifiSupport:
         """Whether WiFi gives less than `least_weight` to all places of this map."""
         return self.heard and self.weight < least_weight
 
-    def nats(self, T_map_base: Pose2) -> float:
-        """The logarithm of the density at a pose over that at WiFi's best place; 0 where WiFi names none."""
+    def nats(self, T_map_base: Pose2, floor: int) -> float:
+        """The logarithm of the density at a pose on a floor over that at WiFi's best place; 0 where WiFi names none."""
         if not self.known:
             return 0.0
-        return max(LEAST_NATS, min(0.0, math.log(max(self._density(T_map_base), LEAST) / self._peak)))
+        return max(LEAST_NATS, min(0.0, math.log(max(self._density(T_map_base, floor), LEAST) / self._peak)))
 
-    def metres(self, T_map_base: Pose2) -> float:
-        """The distance from a pose to WiFi's best place, m."""
-        return self.places[0].T_map_base.distance(T_map_base) if self.known else 0.0
+    def metres(self, T_map_base: Pose2, floor: int) -> float:
+        """The distance from a pose to WiFi's best place, m; infinite if that is on another floor."""
+        if not self.known:
+            return 0.0
+        best = self.places[0]
+        return best.T_map_base.distance(T_map_base) if best.floor == floor else math.inf
 
-    def _density(self, T: Pose2) -> float:
+    def _density(self, T: Pose2, floor: int) -> float:
         d = np.array([T.x, T.y]) - self._means
         chi2 = np.einsum("ni,nij,nj->n", d, self._information, d)
-        return float(self._heights @ np.exp(-0.5 * chi2))
+        return float(self._heights @ np.where(self._floors == floor, np.exp(-0.5 * chi2), 0.0))
 
 
 def _position(place: PlaceBelief) -> Floats:

@@ -62,9 +62,9 @@ def align(building: BuildingMap, stamps_ns: NDArray[np.int64], fixes: Floats) ->
 
 
 def moved(building: BuildingMap, T_new_map: Pose2, config: MapConfig) -> BuildingMap:
-    """The same map in another frame; its grid is drawn again."""
+    """The same map in another frame; its grids are drawn again."""
     poses = compose_all(T_new_map.array(), building.poses)
-    return replace(building, poses=poses, grid=drawn(building.keyframes, poses, config))
+    return replace(building, poses=poses, grids=drawn(building.keyframes, poses, config))
 
 
 def _places_at(building: BuildingMap, stamps_ns: NDArray[np.int64]) -> tuple[Floats, NDArray[np.bool_]]:

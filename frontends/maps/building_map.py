@@ -57,7 +57,7 @@ class BuildingMap:
     `calibrations` (n, 4) are those of the wheels on the way to each keyframe, `factors` is the graph by the numbers of
     its factors. The relative pose of the keyframes before and after each of `pieces` is known by closures alone.
     `weights` tells of each BSSID how well it predicts place. The factors of the closures in `vetoed` are kept, but take
-    no part in the graph.
+    no part in the graph. `grids` are the occupancy grids by the numbers of the floors, 0 always among them.
     """
 
     keyframes: Sequence[MapKeyframe]
@@ -68,9 +68,23 @@ class BuildingMap:
     fingerprints: Sequence[MapFingerprint]
     weights: Mapping[str, float]
     calibration: Calibration
-    grid: OccupancyGrid
+    grids: Mapping[int, OccupancyGrid]
     pieces: tuple[int, ...] = ()
     vetoed: frozenset[int] = field(default_factory=frozenset)
+
+    @property
+    def floors(self) -> list[int]:
+        """The numbers of the floors, in their order; [0] without keyframes."""
+        return sorted({keyframe.floor for keyframe in self.keyframes}) or [0]
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The grid of floor 0, where the first drive began."""
+        return self.grids[0]
+
+    def grid_of(self, floor: int) -> OccupancyGrid:
+        """The grid of a floor; that of floor 0 where there is no such floor."""
+        return self.grids.get(floor, self.grid)
 
     def fingerprint_poses(self) -> Floats:
         """(m, 3) poses of the fingerprints in `map`."""

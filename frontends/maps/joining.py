@@ -65,7 +65,7 @@ def join(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: Sequence[Tie], conf
         [*a.fingerprints, *(_moved_fingerprint(f, keyframes) for f in b.fingerprints)],
         joined_weights(a.weights, b.weights),
         Calibration(a.calibration.wheels, joined_receivers(a.calibration.receivers, b.calibration.receivers)),
-        a.grid,
+        a.grids,
         (*a.pieces, keyframes, *(k + keyframes for k in b.pieces)),
         a.vetoed | {number + len(a.closures) for number in b.vetoed},
     )

@@ -10,7 +10,7 @@ from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.factors import Factor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.grid.grid_map import GridMap
+from wayfi.backend.grid.floor_grids import FloorGrids
 from wayfi.backend.grid.map_config import MapConfig
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats, Pose2
@@ -49,7 +49,7 @@ def optimise(building: BuildingMap, config: OptimisingConfig) -> BuildingMap:
         poses=poses,
         calibrations=graph.calibrations_along(),
         calibration=Calibration(graph.calibration(), building.calibration.receivers),
-        grid=drawn(building.keyframes, poses, config.grid),
+        grids=drawn(building.keyframes, poses, config.grid),
     )
 
 
@@ -74,10 +74,10 @@ def factors_in_force(building: BuildingMap) -> list[Factor]:
     return [factor for number, factor in sorted(building.factors.items()) if number not in vetoed]
 
 
-def drawn(keyframes: Sequence[MapKeyframe], poses: Floats, config: MapConfig) -> OccupancyGrid:
-    """The grid of the keyframes' hits at `poses` (n, 3)."""
-    grid = GridMap(config)
+def drawn(keyframes: Sequence[MapKeyframe], poses: Floats, config: MapConfig) -> dict[int, OccupancyGrid]:
+    """The grid of each floor: the hits of its keyframes at their `poses` (n, 3)."""
+    grids = FloorGrids(config)
     for keyframe in keyframes:
         sensor = keyframe.scan.T_base_laser if keyframe.scan else Pose2()
-        grid.add(keyframe.hits, (sensor.x, sensor.y))
-    return grid.settle(poses)
+        grids.add(keyframe.floor, keyframe.hits, (sensor.x, sensor.y))
+    return grids.settle(poses, np.array([keyframe.floor for keyframe in keyframes], np.int64))

@@ -59,12 +59,15 @@ def pruned(
 def _kept_keyframes(building: BuildingMap, first: int, config: PruningConfig) -> NDArray[np.int64]:
     """The keyframes that stay, in their order; from `first` on they are of the new session."""
     positions = building.poses[:, :2]
-    area = SeenArea(positions.min(axis=0) - config.far_m, positions.max(axis=0) + config.far_m)
+    low, high = positions.min(axis=0) - config.far_m, positions.max(axis=0) + config.far_m
+    floors = np.array([keyframe.floor for keyframe in building.keyframes])
+    areas = {floor: SeenArea(low, high) for floor in building.floors}
     kept = np.zeros(len(positions), np.bool_)
     kept[:first] = True
     for number, (keyframe, pose) in enumerate(zip(building.keyframes, building.poses, strict=True)):
         apart_m = np.hypot(*(positions - pose[:2]).T)
-        near = np.flatnonzero(kept & (apart_m < config.near_m))
+        near = np.flatnonzero(kept & (apart_m < config.near_m) & (floors == keyframe.floor))
+        area = areas[keyframe.floor]
         if number >= first:
             if len(near) and area.novel_share(keyframe.scan, pose) <= config.novel_share:
                 continue
@@ -79,11 +82,13 @@ def _kept_keyframes(building: BuildingMap, first: int, config: PruningConfig) ->
 def _kept_fingerprints(building: BuildingMap, near_m: float) -> list[int]:
     """The fingerprints that stay: those with none of a later session near them."""
     places = building.fingerprint_poses()[:, :2]
-    sessions = np.array([building.keyframes[f.keyframe].session for f in building.fingerprints], np.int64)
+    keyframes = [building.keyframes[f.keyframe] for f in building.fingerprints]
+    sessions = np.array([keyframe.session for keyframe in keyframes], np.int64)
+    floors = np.array([keyframe.floor for keyframe in keyframes], np.int64)
     return [
         number
-        for number, (place, session) in enumerate(zip(places, sessions, strict=True))
-        if not (np.hypot(*(places[sessions > session] - place).T) < near_m).any()
+        for number, (place, session, floor) in enumerate(zip(places, sessions, floors, strict=True))
+        if not (np.hypot(*(places[(sessions > session) & (floors == floor)] - place).T) < near_m).any()
     ]
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.factors import AxisFactor, Factor
 from wayfi.backend.grid.map_config import MapConfig
-from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.backend.pose2 import Pose2, compose_all
 from wayfi.frontends.maps.building_map import BuildingMap, MapClosure, MapFingerprint
 from wayfi.frontends.maps.optimising import drawn
 
@@ -22,6 +22,7 @@ def selected(
     """
     numbers = {int(old): new for new, old in enumerate(kept)}
     keyframes, poses = [building.keyframes[k] for k in kept], building.poses[kept]
+    floors = np.array([keyframe.floor for keyframe in keyframes], np.int64)
     closures = [closure for closure in building.closures if _stays(closure, numbers)]
     return replace(
         building,
@@ -30,21 +31,25 @@ def selected(
         calibrations=building.calibrations[kept],
         factors={number: _renumbered_factor(factor, numbers) for number, factor in factors.items()},
         closures=[_renumbered(closure, new, numbers, factors) for new, closure in enumerate(closures)],
-        fingerprints=[_anchored(fingerprint, building.poses, kept) for fingerprint in building.fingerprints],
-        grid=drawn(keyframes, poses, grid),
+        fingerprints=[_anchored(fingerprint, building, kept, floors) for fingerprint in building.fingerprints],
+        grids=drawn(keyframes, poses, grid),
         pieces=tuple(sorted({int(np.searchsorted(kept, piece)) for piece in building.pieces} - {0, len(kept)})),
         vetoed=frozenset(new for new, closure in enumerate(closures) if closure.judged.closure in building.vetoed),
     )
 
 
 def alone(building: BuildingMap, first: int, grid: MapConfig) -> BuildingMap:
-    """The map of the keyframes from `first` on, which nothing relates to those before; it begins at the origin."""
+    """The map of the keyframes from `first` on, related to none before; it begins at the origin of floor 0."""
     kept = np.arange(first, len(building.keyframes))
     T = Pose2.of(building.poses[first]).inverse()
+    met = dict.fromkeys(keyframe.floor for keyframe in building.keyframes[first:])
+    floors = {floor: number for number, floor in enumerate(met)}
     own = replace(
         building,
         poses=compose_all(T.array(), building.poses),
-        keyframes=[replace(keyframe, session=0) for keyframe in building.keyframes],
+        keyframes=[
+            replace(keyframe, session=0, floor=floors.get(keyframe.floor, 0)) for keyframe in building.keyframes
+        ],
         fingerprints=[fingerprint for fingerprint in building.fingerprints if fingerprint.keyframe >= first],
     )
     factors = {number: f for number, f in building.factors.items() if min(f.a, f.b) >= first}
@@ -69,8 +74,11 @@ def _renumbered(
     return MapClosure(judged, tuple(n for n in closure.factors if n in factors))
 
 
-def _anchored(fingerprint: MapFingerprint, poses: Floats, kept: NDArray[np.int64]) -> MapFingerprint:
-    """A fingerprint in the nearest keyframe that is kept."""
+def _anchored(
+    fingerprint: MapFingerprint, building: BuildingMap, kept: NDArray[np.int64], floors: NDArray[np.int64]
+) -> MapFingerprint:
+    """A fingerprint in the nearest keyframe of its floor that is `kept`; `floors` (n,) are theirs."""
+    poses, floor = building.poses, building.keyframes[fingerprint.keyframe].floor
     T = Pose2.of(poses[fingerprint.keyframe]) @ fingerprint.T_keyframe_base
-    nearest = int(np.argmin(np.hypot(*(poses[kept, :2] - (T.x, T.y)).T)))
+    nearest = int(np.argmin(np.where(floors != floor, np.inf, np.hypot(*(poses[kept, :2] - (T.x, T.y)).T))))
     return replace(fingerprint, keyframe=nearest, T_keyframe_base=Pose2.of(poses[kept[nearest]]).between(T))

@@ -31,7 +31,11 @@ def without_stale_points(
     """The keyframes at `poses` (n, 3), those before the `first` later one without the points that later ones pass."""
     scans = [k.scan.points if k.scan else np.empty((0, 2)) for k in keyframes[:first]]
     ends = np.cumsum([len(points) for points in scans])
-    gone = _gone(_placed(scans, poses), _later(keyframes, poses, first, config.every_m), config, visibility)
+    points, gone = _placed(scans, poses), np.zeros(ends[-1] if len(scans) else 0, np.bool_)
+    floors = np.repeat([k.floor for k in keyframes[:first]], [len(points) for points in scans])
+    for floor in sorted({k.floor for k in keyframes[first:]}):
+        looks = _later(keyframes, poses, first, config.every_m, floor)
+        gone[floors == floor] = _gone(points[floors == floor], looks, config, visibility)
     split = np.split(gone, ends[:-1]) if len(scans) else []
     return [_without(k, lost) for k, lost in zip(keyframes, split, strict=False)] + list(keyframes[first:])
 
@@ -43,12 +47,12 @@ def _placed(scans: list[Floats], poses: Floats) -> Floats:
 
 
 def _later(
-    keyframes: Sequence[MapKeyframe], poses: Floats, first: int, every_m: float
+    keyframes: Sequence[MapKeyframe], poses: Floats, first: int, every_m: float, floor: int
 ) -> list[tuple[ScanPoints, Pose2]]:
-    """Scans from the `first` keyframe on, `every_m` of path apart, with their poses."""
+    """Scans on a floor from the `first` keyframe on, `every_m` of path apart, with their poses."""
     looks, last_m = [], -np.inf
     for k, pose in zip(keyframes[first:], poses[first:], strict=True):
-        if k.scan is not None and k.path_m - last_m >= every_m:
+        if k.floor == floor and k.scan is not None and k.path_m - last_m >= every_m:
             looks.append((k.scan, Pose2.of(pose)))
             last_m = k.path_m
     return looks

@@ -6,13 +6,13 @@ import numpy as np
 
 from wayfi.backend.pose2 import Floats, Pose2, between_all, compose_all, covariance_in_b
 from wayfi.frontends.calibration import Calibration
-from wayfi.frontends.events import Event, StateChanged, Warned
+from wayfi.frontends.events import Event, FloorChanged, StateChanged, Warned
 from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.maps.pruning import pruned
 from wayfi.frontends.maps.selecting import alone
-from wayfi.frontends.modes.localization_core import LocalizationCore
+from wayfi.frontends.modes.localization_core import FoundPose, LocalizationCore
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
@@ -39,11 +39,11 @@ class ContinuedSlam(SlamCore):
         """The map with what the drive has added so far; None while the robot is not found."""
         return None if self._finding else super().made_map()
 
-    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats) -> list[Event]:
-        """Join the map at a pose of the newest keyframe, of (3, 3) `covariance`, that was claimed in it until now."""
+    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats, floor: int) -> list[Event]:
+        """Join the map at a pose on a floor, of (3, 3) `covariance`, that was claimed in it for the newest keyframe."""
         if self._finding is None:
             return []
-        return self._sought(stamp_ns, self._finding.take_over(stamp_ns, T_map_base, covariance))
+        return self._sought(stamp_ns, self._finding.take_over(stamp_ns, T_map_base, covariance, floor))
 
     def add_pose(self, placed: PlacedPose) -> list[Event]:
         """Add a pose from outside; an initial pose helps to find the robot."""
@@ -59,10 +59,19 @@ class ContinuedSlam(SlamCore):
         events = [event for event in events if not isinstance(event, StateChanged)]
         return events + self._sought(point.stamp_ns, self._finding.add_keyframe(point, placed))
 
+    def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
+        """Compare a scan that was taken while the wheels stood."""
+        if self._finding:
+            self._finding.watch_for_elevators(point, placed)
+        return super().look(point, placed)
+
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own."""
         events = super().add_wifi(stamp_ns, scan)
-        return events + (self._sought(stamp_ns, self._finding.add_wifi(stamp_ns, scan)) if self._finding else [])
+        if self._finding is None:
+            return events
+        events = [event for event in events if not isinstance(event, FloorChanged)]
+        return events + self._sought(stamp_ns, self._finding.add_wifi(stamp_ns, scan))
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""
@@ -75,7 +84,7 @@ class ContinuedSlam(SlamCore):
         if found is None:
             return events
         self._finding = None
-        return [*events, *self._join(stamp_ns, self._fix(*found))]
+        return [*events, *self._join(stamp_ns, self._fix(found))]
 
     def _join(self, stamp_ns: int, fix: MapFix) -> list[Event]:
         """Move the drive to where it was found in the map."""
@@ -103,11 +112,12 @@ class ContinuedSlam(SlamCore):
         final = compose_all(T.array(), result.final)
         return replace(result, final=final, building=building, is_separate=True), [*events, told]
 
-    def _fix(self, keyframe: int, T_map_base: Pose2, covariance: Floats) -> MapFix:
-        """The pose that was found of a keyframe of the drive, in the nearest keyframe of the map."""
+    def _fix(self, found: FoundPose) -> MapFix:
+        """The pose that was found of a keyframe of the drive, in the nearest keyframe of the map on its floor."""
         first = self.keyframes.first
-        apart = between_all(self.poses[:first], T_map_base.array())
-        a = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1])))
+        apart = between_all(self.poses[:first], found.T_map_base.array())
+        elsewhere = self.keyframes.floors[:first] != found.floor
+        a = int(np.argmin(np.where(elsewhere, np.inf, np.hypot(apart[:, 0], apart[:, 1]))))
         T_a_b = Pose2.of(apart[a])
-        in_a = covariance_in_b(covariance, float(self.poses[a, 2]))
-        return MapFix(a, first + keyframe, T_a_b, in_a, np.nan, np.nan)
+        in_a = covariance_in_b(found.covariance, float(self.poses[a, 2]))
+        return MapFix(a, first + found.keyframe, T_a_b, in_a, np.nan, np.nan)

@@ -33,6 +33,10 @@ class EstimationCore(Protocol):
     def keyframe_count(self) -> int:
         """How many keyframes there have been."""
 
+    @property
+    def floor(self) -> int | None:
+        """The floor of the map on which the robot is; None while that is not known."""
+
     def motion_to(self, point: PathPoint) -> WheelMotion:
         """The wheels' motion from the newest keyframe to `point`."""
 

@@ -1,5 +1,7 @@
 """Localisation in a known map, where the pipeline has SLAM else: nothing is added to the map, and no graph grows."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wayfi.backend.graph.health import Health, State
@@ -8,7 +10,8 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.event_making import grid_event, points_of
-from wayfi.frontends.events import Event, HypothesesFollowed, StateChanged
+from wayfi.frontends.events import Event, FloorChanged, HypothesesFollowed, StateChanged
+from wayfi.frontends.floors.elevator_watch import ElevatorWatch
 from wayfi.frontends.intake.pose_intake import PlacedPose
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localizer import Localizer
@@ -16,7 +19,7 @@ from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
-from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.result import DriveEstimate, floors_at
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
 from wayfi.frontends.step_matcher import StepMatcher
@@ -26,6 +29,15 @@ from wayfi.frontends.wifi.readings import PlacedWifiScan
 UNKNOWN_COVARIANCE = np.diag([0.25, 0.25, 0.0685])  # of a pose from outside: what RViz says of a click, m^2 and rad^2
 
 
+class FoundPose(NamedTuple):
+    """The pose in `map` of a keyframe of the drive, its (3, 3) covariance there, and its floor."""
+
+    keyframe: int
+    T_map_base: Pose2
+    covariance: Floats
+    floor: int
+
+
 class LocalizationCore:
     """The state of localisation in the map `building`; its memory is bounded however long it goes on."""
 
@@ -33,7 +45,10 @@ class LocalizationCore:
         self._building, self._timer = building, timer
         self._track = LocalTrack(config.lidar, config.odometry, prior.wheels.values)
         self._localizer = Localizer(building, self._track, config.lidar, config.localization)
+        self._elevators = ElevatorWatch(len(building.floors), config.floors, config.wifi.similarity_sigma_db)
         self._told: Health | None = None
+        self._floor: int | None = 0  # as told last
+        self._floors: list[tuple[int, int]] = []  # since when the robot has been on each
 
     @property
     def steps(self) -> StepMatcher:
@@ -41,14 +56,22 @@ class LocalizationCore:
         return self._track.steps
 
     @property
-    def found(self) -> tuple[int, Pose2, Floats] | None:
-        """A keyframe, its pose in `map` and its (3, 3) covariance there, if they are known without a doubt."""
-        return self._localizer.pose() if self._localizer.health.state is State.TRACKING else None
+    def found(self) -> FoundPose | None:
+        """Where the robot is in the map, if that is known without a doubt."""
+        pose, floor = self._localizer.pose(), self._localizer.floor
+        if pose is None or floor is None or self._localizer.health.state is not State.TRACKING:
+            return None
+        return FoundPose(*pose, floor)
 
     @property
     def keyframe_count(self) -> int:
         """How many keyframes there have been."""
         return len(self._track)
+
+    @property
+    def floor(self) -> int | None:
+        """The floor of the map on which the robot is; None while that is not known."""
+        return self._localizer.floor
 
     def motion_to(self, point: PathPoint) -> WheelMotion:
         """The wheels' motion from the newest keyframe to `point`."""
@@ -70,9 +93,9 @@ class LocalizationCore:
         self._localizer.add_initial(T_map_keyframe, covariance)
         return self._changes(placed.point.stamp_ns)
 
-    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats) -> list[Event]:
-        """Claim a pose at the newest keyframe, of (3, 3) `covariance`, that was claimed in this map until now."""
-        self._localizer.take_over(T_map_base, covariance)
+    def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats, floor: int) -> list[Event]:
+        """Claim a pose on a floor at the newest keyframe, of (3, 3) `covariance`, that was claimed here until now."""
+        self._localizer.take_over(T_map_base, covariance, floor)
         return self._changes(stamp_ns)
 
     def edit(self, closure: int, restored: bool) -> list[Event]:
@@ -84,19 +107,29 @@ class LocalizationCore:
         """Add a keyframe at `point`, with its scan if there is one, and compare it with the map."""
         with self._timer("scan_matching"):
             self._track.add(point, placed)
+        self._elevators.drive(point.path_m)
         with self._timer("localization"):
             self._localizer.add_keyframe()
+            self._heed_elevators()
         return [*self._changes(point.stamp_ns), self._followed(point.stamp_ns)]
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
         """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
         with self._timer("scan_matching"):
             moved = self._track.look(point, placed)
-        return self.add_keyframe(point, placed) if moved else []
+        self.watch_for_elevators(point, placed)
+        return self.add_keyframe(point, placed) if moved else self._changes(point.stamp_ns)
+
+    def watch_for_elevators(self, point: PathPoint, placed: PlacedScan) -> None:
+        """Take note of a scan that was taken while the wheels stood."""
+        self._elevators.see(placed.points, point.path_m, self._localizer.claimed is not None)
+        self._heed_elevators()
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Use a WiFi scan at `stamp_ns`, no earlier than its own."""
         with self._timer("wifi"):
+            self._elevators.hear(scan.receiver, scan.point.path_m, scan.readings)
+            self._heed_elevators()
             self._localizer.add_wifi(scan.receiver, scan.readings)
         return self._changes(stamp_ns)
 
@@ -120,8 +153,9 @@ class LocalizationCore:
         return []
 
     def history(self, stamp_ns: int) -> list[Event]:
-        """The map's grid at `stamp_ns`."""
-        return [grid_event(stamp_ns, self._building.grid)]
+        """The grid of the robot's floor at `stamp_ns`; that of floor 0 where it is not known."""
+        floor = self._localizer.floor or 0
+        return [grid_event(stamp_ns, self._building.grid_of(floor), floor)]
 
     def made_map(self) -> BuildingMap | None:
         """None: the map is as it was."""
@@ -132,7 +166,8 @@ class LocalizationCore:
         online = trajectories.online()
         claimed = np.isfinite(online[:, 0])
         poses = online[claimed]
-        return DriveEstimate(trajectories.stamps_ns()[claimed], poses, poses, self._building), []
+        stamps_ns = trajectories.stamps_ns()[claimed]
+        return DriveEstimate(stamps_ns, poses, poses, self._building, floors_at(stamps_ns, self._floors)), []
 
     def _followed(self, stamp_ns: int) -> HypothesesFollowed:
         """The hypotheses at the newest keyframe, the claimed one first, then by their evidence."""
@@ -144,10 +179,30 @@ class LocalizationCore:
         points = points_of(track.scan(track.newest))
         return HypothesesFollowed(stamp_ns, np.array(poses).reshape(-1, 3), evidence, claimed is not None, points)
 
+    def _heed_elevators(self) -> None:
+        """Nothing is claimed while it is not known which floor the robot is on."""
+        doubtful, heeded = self._elevators.doubtful, self._localizer.in_elevator
+        if doubtful and not heeded:
+            self._track.leave()
+            self._localizer.leave_floor()
+        elif heeded and not doubtful:
+            self._localizer.enter_floor()
+
+    def _changed_floor(self, stamp_ns: int) -> list[Event]:
+        """The floor, if it is another than was told last, and its grid, if it is known."""
+        floor = self._localizer.floor
+        if floor == self._floor:
+            return []
+        self._floor = floor
+        if floor is None:
+            return [FloorChanged(stamp_ns, None)]
+        self._floors.append((stamp_ns, floor))
+        return [FloorChanged(stamp_ns, floor), *(self.history(stamp_ns) if self._told else [])]
+
     def _changes(self, stamp_ns: int) -> list[Event]:
+        first = [*self._changed_floor(stamp_ns), *([] if self._told else self.history(stamp_ns))]
         health, told = self._localizer.health, self._told
         if told is not None and told.state is health.state and told.failure_category is health.failure_category:
-            return []
-        first = [] if told else self.history(stamp_ns)
+            return first
         self._told = health
         return [*first, StateChanged(stamp_ns, health.state, health.reason, health.failure_category)]

@@ -1,4 +1,7 @@
-"""The occupancy grid as files: map.pgm and map.yaml for Nav2's map_server, map.png to look at."""
+"""The occupancy grids as files: map.pgm and map.yaml for Nav2's map_server, map.png to look at.
+
+Those are of floor 0; of a further floor the names tell it, as map_floor1.yaml.
+"""
 
 from pathlib import Path
 
@@ -18,28 +21,37 @@ OCCUPIED, FREE = 0, 254
 UNKNOWN = 128
 
 
-def write_map(directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None) -> None:
-    """Write map.pgm, map.yaml and map.png, with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
-    for name, data in grid_files(grid, config).items():
+def of_floor(name: str, floor: int) -> str:
+    """The name of a file of a floor, by that of floor 0."""
+    stem, _, ending = name.rpartition(".")
+    return f"{stem}_floor{floor}.{ending}" if floor else name
+
+
+def write_map(
+    directory: Path, grid: OccupancyGrid, config: MapConfig, path_xy_m: Floats | None = None, floor: int = 0
+) -> None:
+    """Write the grid of a floor, and a picture with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
+    for name, data in grid_files(grid, config, floor).items():
         write_bytes(directory / name, data)
     from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
 
-    write_bytes(directory / "map.png", map_png(grid, path_xy_m))
+    write_bytes(directory / of_floor("map.png", floor), map_png(grid, path_xy_m))
 
 
 def write_grid(directory: Path, redrawn: GridRedrawn, config: MapConfig) -> None:
-    """Write map.pgm and map.yaml of a redrawn grid into `directory`. Raises OSError."""
-    pgm, yaml = GRID_FILES
+    """Write the files for map_server of a redrawn grid into `directory`. Raises OSError."""
+    pgm, yaml = (of_floor(name, redrawn.floor) for name in GRID_FILES)
     write_bytes(directory / pgm, _pgm(_greys(redrawn.occupancy, config)))
-    write_text(directory / yaml, _yaml(redrawn.resolution_m, redrawn.origin_xy_m, config))
+    write_text(directory / yaml, _yaml(pgm, redrawn.resolution_m, redrawn.origin_xy_m, config))
 
 
-def grid_files(grid: OccupancyGrid, config: MapConfig) -> dict[str, bytes]:
-    """The bytes of map.pgm and map.yaml of a grid."""
+def grid_files(grid: OccupancyGrid, config: MapConfig, floor: int = 0) -> dict[str, bytes]:
+    """The bytes of the files for map_server of the grid of a floor."""
     every = OccupancyGrid(np.arange(256, dtype=np.uint8).view(np.int8), grid.resolution_m, grid.origin_xy_m)
     greys = np.take(_greys(every.probability(), config), grid.evidence.view(np.uint8), mode="clip")
-    yaml = _yaml(grid.resolution_m, grid.origin_xy_m, config)
-    return dict(zip(GRID_FILES, (_pgm(greys), yaml.encode()), strict=True))
+    names = [of_floor(name, floor) for name in GRID_FILES]
+    yaml = _yaml(names[0], grid.resolution_m, grid.origin_xy_m, config)
+    return dict(zip(names, (_pgm(greys), yaml.encode()), strict=True))
 
 
 def _greys(probability: NDArray[np.float32], config: MapConfig) -> NDArray[np.uint8]:
@@ -55,10 +67,10 @@ def _pgm(greys: NDArray[np.uint8]) -> bytes:
     return f"P5\n{columns} {rows}\n255\n".encode() + greys[::-1].tobytes()
 
 
-def _yaml(resolution_m: float, origin_xy_m: tuple[float, float], config: MapConfig) -> str:
+def _yaml(image: str, resolution_m: float, origin_xy_m: tuple[float, float], config: MapConfig) -> str:
     x, y = origin_xy_m
     return (
-        "image: map.pgm\n"
+        f"image: {image}\n"
         "mode: trinary\n"
         f"resolution: {resolution_m!r}\n"
         f"origin: [{x:.6f}, {y:.6f}, 0.0]\n"

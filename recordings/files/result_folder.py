@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ RESULTS = (
     *("trajectory.tum", "online.tum", LOG, "closures.csv", "map.pgm", "map.yaml", "map.png", "graph.g2o", "radio.csv"),
     *("config.toml", "calibration.toml", REPORT),
 )
+FLOOR = re.compile(r"map_floor\d+\.(pgm|yaml|png)")
 EVALUATION = ("evaluation.json", "evaluation_trajectory.png", "evaluation_error.png")
 
 
@@ -117,7 +119,8 @@ def files_of_a_run(folder: Path) -> list[Path]:
 
     The parts of a daemon's log count, except beside its black box. Those of the map within are not among them.
     """
-    known = [folder / name for name in (*RESULTS, *EVALUATION)]
+    floors = sorted(file for file in folder.glob("map_floor*") if FLOOR.fullmatch(file.name))
+    known = [*(folder / name for name in (*RESULTS, *EVALUATION)), *floors]
     files = [file for file in known if file.is_file() or file.is_symlink()]
     half_written = [half for file in known for half in file.parent.glob(f".{file.name}.*.part")]
     parts = [] if parts_of(folder, BLACKBOX) else parts_of(folder, SESSION)

@@ -15,7 +15,16 @@ from wayfi.frontends.event_making import NO_HITS
 from wayfi.frontends.maps.building_map import BuildingMap, MapFingerprint, MapKeyframe
 from wayfi.frontends.maps.optimising import drawn
 from wayfi.recordings.files.calibration_file import parse_calibration
-from wayfi.recordings.files.map_folder import ACCESS_POINTS, CALIBRATION, EXPORTS, GRID, KEYFRAMES, MANIFEST, MapError
+from wayfi.recordings.files.map_files import GRID_FILES, of_floor
+from wayfi.recordings.files.map_folder import (
+    ACCESS_POINTS,
+    CALIBRATION,
+    EXPORTS,
+    GRID,
+    KEYFRAMES,
+    MANIFEST,
+    MapError,
+)
 from wayfi.recordings.files.replaced_together import current
 from wayfi.recordings.map.closure_table import KeptClosure
 from wayfi.recordings.map.columns import read_parquet
@@ -99,13 +108,14 @@ class _Loading:
             return None
         keyframes = self._keyframes(kept)
         closures = self._closures()
-        for name in EXPORTS:
+        exports = {of_floor(name, floor) for floor in set(kept.floors) for name in GRID_FILES}
+        for name in sorted(exports & self._files.names | set(EXPORTS)):
             if self._files.verify(name) is None:
                 self._warn(name, "other programs cannot open it; the next save writes it again")
         return BuildingMap(
             keyframes, kept.poses, kept.calibrations, self._factors(kept.poses), [closure for closure, _ in closures],
             self._fingerprints(), self._weights(), self._calibration(kept.calibrations),
-            self._grid(keyframes, kept.poses), kept.pieces,
+            self._grids(keyframes, kept.poses), kept.pieces,
             frozenset(k for k, (_, vetoed) in enumerate(closures) if vetoed),
         )  # fmt: skip
 
@@ -147,11 +157,16 @@ class _Loading:
             self._warn(CALIBRATION, "the wheels are as at the newest keyframe, the receivers are unknown")
         return found or calibration_of(calibrations)
 
-    def _grid(self, keyframes: list[MapKeyframe], poses: Floats) -> OccupancyGrid:
-        grid = self._files.read(GRID, lambda data: read_grid(read_parquet(data)))
-        if grid is None:
-            self._warn(GRID, "the grid is drawn again from the scans")
-        return grid or drawn(keyframes, poses, MapConfig())
+    def _grids(self, keyframes: list[MapKeyframe], poses: Floats) -> dict[int, OccupancyGrid]:
+        floors = sorted({0, *(keyframe.floor for keyframe in keyframes)})
+        names = {floor: of_floor(GRID, floor) for floor in floors}
+        if len(floors) > 1 and not any(names[floor] in self._files.names for floor in floors[1:]):
+            return drawn(keyframes, poses, MapConfig())  # saved when all floors were drawn into one grid
+        grids = {floor: self._files.read(names[floor], lambda data: read_grid(read_parquet(data))) for floor in floors}
+        read = {floor: grid for floor, grid in grids.items() if grid is not None}
+        for floor in grids.keys() - read.keys():
+            self._warn(names[floor], "the grid is drawn again from the scans")
+        return read if len(read) == len(floors) else drawn(keyframes, poses, MapConfig()) | read
 
     def _warn(self, name: str, follows: str) -> None:
         self.warnings.append(f"{self._folder / name}: {self.damaged[name]}: {follows}")

@@ -13,7 +13,7 @@ from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.optimising import factors_in_force
 from wayfi.recordings.files.calibration_file import calibration_toml
 from wayfi.recordings.files.g2o import g2o_text
-from wayfi.recordings.files.map_files import grid_files
+from wayfi.recordings.files.map_files import grid_files, of_floor
 from wayfi.recordings.files.map_folder import (
     ACCESS_POINTS,
     CALIBRATION,
@@ -21,7 +21,6 @@ from wayfi.recordings.files.map_folder import (
     GRID,
     KEYFRAMES,
     MANIFEST,
-    WHOLE_FILES,
     MapError,
     locked,
     replace_map,
@@ -89,9 +88,10 @@ class MapSaver:
         staged.mkdir()
         files = dict(self._files)
         made = dict(self._write_parts(staged, building, files))
-        for name, data in _whole_files(building, self._config):
+        whole = dict(_whole_files(building, self._config))
+        for name, data in whole.items():
             files[name] = _write(staged / name, data)
-        for name in files.keys() - made.keys() - set(WHOLE_FILES):
+        for name in files.keys() - made.keys() - whole.keys():
             del files[name]
         former = self._name
         named = replace(former, map_version=former.map_version + 1) if former else MapName(_id_of(files), 1)
@@ -129,10 +129,11 @@ def _whole_files(building: BuildingMap, config: MapConfig) -> Iterator[tuple[str
     """The files that are written anew by every save: they are small, or all of them changes."""
     yield KEYFRAMES, keyframe_table(building)
     yield ACCESS_POINTS, access_point_table(building.weights)
-    yield GRID, grid_table(building.grid)
     yield CALIBRATION, calibration_toml(building.calibration).encode()
     yield GRAPH, g2o_text(building.poses, factors_in_force(building), building.calibration.wheels.values).encode()
-    yield from grid_files(building.grid, config).items()
+    for floor, grid in building.grids.items():
+        yield of_floor(GRID, floor), grid_table(grid)
+        yield from grid_files(grid, config, floor).items()
 
 
 def _manifest(named: MapName, building: BuildingMap, files: Mapping[str, Checksum], frames: FramesConfig) -> Manifest:

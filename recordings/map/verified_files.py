@@ -23,6 +23,11 @@ class VerifiedFiles:
         self._folder, self._manifest = folder, manifest
         self.damaged: dict[str, str] = {}
 
+    @property
+    def names(self) -> set[str]:
+        """The names of all files that the manifest knows."""
+        return set(self._manifest.files)
+
     def read(self, name: str, parse: Callable[[bytes], Value]) -> Value | None:
         """What is in a file; None where it is damaged."""
         data = self.verify(name)

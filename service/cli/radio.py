@@ -33,8 +33,9 @@ def radio(
             output.say(f"warning: {warning}")
         with output.progress(f"radio {path}") as progress:
             made = radio_map(loaded.building, chosen, floor, progress)
-            write_radio_map(out, made, loaded.building.grid)
-            write_radio_log(out / RADIO_LOG, made, loaded.building.grid)
+            grid = loaded.building.grid_of(floor)
+            write_radio_map(out, made, grid)
+            write_radio_log(out / RADIO_LOG, made, grid)
         found = _summary(made)
         for line in _lines(found):
             output.say(line)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wayfi.backend.graph.health import State
-from wayfi.frontends.events import Event, PosePublished, StateChanged, Warned
+from wayfi.frontends.events import Event, FloorChanged, PosePublished, StateChanged, Warned
 from wayfi.service.daemon.estimator_messages import Backlog
 from wayfi.service.drive.counters import Drops, merged
 from wayfi.service.drive.timing import StageCost
@@ -62,6 +62,7 @@ class Diagnostics:
         self._backlog = backlog
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
+        self._floor: int | None = 0
         self._complaints: dict[str, str] = {}
         self._reported: tuple[State, list[str], float] | None = None
         self._received: tuple[float, dict[str, int]] = (time.monotonic(), {})
@@ -78,6 +79,8 @@ class Diagnostics:
                 self.latencies.add(time.monotonic() - received_s)
             case StateChanged():
                 self._state, self._reason = event.state, event.reason
+            case FloorChanged():
+                self._floor = event.floor
             case Warned() if event.ends:
                 self._complaints.pop(event.complaint, None)
             case Warned() if event.complaint:
@@ -103,6 +106,7 @@ class Diagnostics:
         """The status as of now, with the values of `extra`."""
         self._reported = (self._state, list(self._complaints), time.monotonic())
         values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
+        values["floor"] = "unknown" if self._floor is None else self._floor
         values |= {f"rate_hz.{topic}": f"{hz:.1f}" for topic, hz in self._measured_rates().items()}
         fed = self._backlog.depths()
         values |= {f"queue.{topic}": depth + fed[topic] for topic, depth in self._inbox.depths().items()}

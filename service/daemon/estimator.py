@@ -14,7 +14,8 @@ from typing import Any
 
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.closures.vetoes import VetoError
-from wayfi.frontends.events import Event, GridRedrawn, PosePublished, StateChanged, Warned
+from wayfi.frontends.event_making import grid_event
+from wayfi.frontends.events import Event, FloorChanged, GridRedrawn, PosePublished, StateChanged, Warned
 from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.files.result_folder import MAP
@@ -48,7 +49,7 @@ from wayfi.service.transport.output_messages import map_message
 MAP_EVERY = 5  # checkpoints: a minute or two, in which saving takes less than a hundredth of the time
 NICENESS = 5  # the daemon's poses come first
 PR_SET_PDEATHSIG = 1
-REPORTED = (StateChanged, Warned)
+REPORTED = (StateChanged, FloorChanged, Warned)
 
 
 class Estimator:
@@ -102,6 +103,8 @@ class Estimator:
 
     def _publish_known_map(self) -> None:
         """Publish the map that the drive localises in, if it does: others need it before the robot is found."""
+        if (floor := self._live.drive.counters.floor) != 0:
+            self._outgoing.send(Update(events=[FloorChanged(0, floor)]))
         drawn = self._live.drive.history() if self._live.drive.former else []
         for event in drawn:
             if isinstance(event, GridRedrawn):
@@ -187,8 +190,8 @@ class Estimator:
     def _write_results(self, live: LiveDrive, dropped: Any, extra: Any) -> Written:  # noqa: ANN401 - as in Finish
         drive = live.drive
         result = drive.finish()
-        grid = result.building.grid
-        drawn = GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m)
+        floor = drive.counters.floor or 0
+        drawn = grid_event(0, result.building.grid_of(floor), floor)
         self._outgoing.send(Update(map_cdr=map_message(drawn, self._config.map, self._config.frames.map)))
         for topic, reasons in dropped.items():
             drive.counters.drop_many(topic, reasons)

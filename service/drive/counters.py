@@ -4,7 +4,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Any
 
-from wayfi.frontends.events import ClosureJudged, Dropped, Event, StateChanged, Warned
+from wayfi.frontends.events import ClosureJudged, Dropped, Event, FloorChanged, StateChanged, Warned
 from wayfi.frontends.measurements import SECOND_NS, Sensor
 
 MOST_TEXT = 500  # characters of a warning
@@ -31,6 +31,7 @@ class Counters:
         self.messages: Counter[str] = Counter()
         self.dropped: dict[str, Counter[str]] = {}
         self.drops = 0
+        self.floor: int | None = 0  # of the map, on which the robot is; None while that is not known
         self._warnings: Counter[str] = Counter()
         self._more_warnings = 0
         self._status_changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
@@ -47,6 +48,8 @@ class Counters:
                 self.warn(event.text)
             case StateChanged():
                 self._status_changes.append(_change(event))
+            case FloorChanged():
+                self.floor = event.floor
 
     @property
     def warnings(self) -> list[str]:

@@ -29,7 +29,14 @@ class MapPickling:
 
 def _objects_of(known: BuildingMap) -> list[object]:
     """The large objects of a map, always in the same order."""
-    parts: list[object] = [known, known.poses, known.grid, known.keyframes, known.fingerprints, known.factors]
+    parts: list[object] = [
+        known,
+        known.poses,
+        *known.grids.values(),
+        known.keyframes,
+        known.fingerprints,
+        known.factors,
+    ]
     scans: list[object] = [keyframe.scan for keyframe in known.keyframes if keyframe.scan is not None]
     return [*parts, *known.keyframes, *scans, *(f.readings for f in known.fingerprints)]
 

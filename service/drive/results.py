@@ -56,7 +56,8 @@ def write_results(
         write_radio(directory / "radio.csv", _radio(building))
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
-        write_map(directory, building.grid, drive.config.map, estimate.final[:, :2])
+        for floor, grid in building.grids.items():
+            write_map(directory, grid, drive.config.map, estimate.path_on(floor), floor)
         if drive.makes_map:
             former, known = (None, None) if estimate.is_separate else (drive.former, saver)
             (known or MapSaver(directory / MAP, drive.config.map, former, drive.config.frames)).save(building)
@@ -115,4 +116,5 @@ def report_of(drive: Drive, source: Source) -> dict[str, Any]:
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "warnings": source.warnings + counters.warnings,
         "status_changes": counters.status_changes,
+        "floor": counters.floor,
     }

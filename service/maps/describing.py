@@ -74,7 +74,7 @@ def describe(path: Path) -> MapDescription:
         sessions=len({keyframe.session for keyframe in building.keyframes}),
         floors=manifest.floors,
         path_m=_driven_m(building),
-        area_m2=float(np.count_nonzero(building.grid.evidence)) * building.grid.resolution_m**2,
+        area_m2=sum(float(np.count_nonzero(g.evidence)) * g.resolution_m**2 for g in building.grids.values()),
         factors=len(building.factors),
         closures=len(set(accepted) - building.vetoed),
         vetoed=len(building.vetoed),

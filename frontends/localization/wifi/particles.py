@@ -4,6 +4,8 @@ Nothing is random: noise comes from a fixed low-discrepancy sequence (Roberts, 2
 systematic resampling. So a drive gives the same belief each time.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,6 +69,11 @@ class Particles:
         self.poses[:count, 2] = wrap_all(self.poses[:count, 2])
         self.floor[:count] = self.floor[drawn]
         self.weights[:count], self.weights[count:] = total / count, 0.0
+
+    def spread_over(self, floors: Sequence[int]) -> None:
+        """The robot may be on any of these floors by now, wherever it is there: each gets as much of the weight."""
+        heaviest_first = np.argsort(-self.weights, kind="stable")
+        self.floor[heaviest_first] = np.resize(np.array(floors, np.int64), len(self.floor))
 
     def leave(self, chance: float) -> None:
         """Let the robot leave the map by this chance."""
