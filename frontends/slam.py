@@ -214,8 +214,7 @@ class SlamCore:
 
     def _redrawn(self, stamp_ns: int) -> list[Event]:
         with self._timer("map"):
-            grid = self._grids.redraw(self.poses, self.keyframes.floors)
-        return [grid_event(stamp_ns, grid, self.keyframes.floor)]
+            return [grid_event(stamp_ns, self._grids.redraw(self.poses, self.keyframes.floors), self.keyframes.floor)]
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""

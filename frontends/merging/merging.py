@@ -53,6 +53,11 @@ def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
     """The one map of two. Raises MergeError where it is not certain that, and how, they overlap."""
     if not a.keyframes or not b.keyframes:
         raise MergeError("a map without keyframes cannot be merged")
+    if len(a.floors) > 1 or len(b.floors) > 1:
+        raise MergeError(
+            "maps of several floors cannot be merged, since each numbers its floors by itself: go on with one of them "
+            "instead (wayfi replay RECORDING --map MAP)"
+        )
     by_wifi = config.wifi.enabled and len(a.fingerprints) > 0 and len(b.fingerprints) > 0
     by_laser = config.lidar.enabled and _has_scans(a) and _has_scans(b)
     if not by_wifi and not by_laser:

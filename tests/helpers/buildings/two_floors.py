@@ -1,29 +1,32 @@
-"""A building of two floors that are joined by an elevator: a map of both, and drives of another day on one."""
+"""A building of two floors with an elevator: a map of both, and drives of another day through them."""
 
 from functools import cache
 
-from buildings.elevators import on_floor, ridden
-from drives import EPOCH_NS, Arrival, simulated
+from buildings.elevators import ridden
+from buildings.robots import drive as driven
+from buildings.storey import ROUTE, Storey, storey
+from drives import Arrival
 
 from wayfi.frontends.events import Event
 from wayfi.frontends.maps.building_map import BuildingMap
-from wayfi.frontends.measurements import SECOND_NS, WifiScan
+from wayfi.frontends.measurements import WifiScan
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.slam_config import SlamConfig
-from wayfi.recordings.simulation.worlds.blueprints import World
+
+OTHER_FURNITURE = 7
 
 
-@cache
-def day(seed: int, world: World = World.OFFICE, minutes: float = 3.0) -> tuple[Arrival, ...]:
-    """A drive through one floor; the same building for every seed, other noise."""
-    return tuple(simulated(world, minutes, seed=seed).arrivals)
+def floor_of_building(floor: int, identical: bool = False) -> Storey:
+    """Floor 0 or 1: other access points on each, and other furniture unless they are identical."""
+    place = storey(floor)
+    return place.refurnished(0 if identical else OTHER_FURNITURE * floor)
 
 
-def part(arrivals: tuple[Arrival, ...], floor: int, since_s: float = 0.0, until_s: float = 1e9) -> list[Arrival]:
-    """The arrivals of some seconds of a drive, with the access points of a floor; what has no time of its own stays."""
-    first, last = EPOCH_NS + since_s * SECOND_NS, EPOCH_NS + until_s * SECOND_NS
-    return [a for a in on_floor(arrivals, 2 + 2 * floor) if a.at_ns < EPOCH_NS + SECOND_NS or first <= a.at_ns < last]
+def part(floor: int, day: int, first: int = 0, corners: int = 99, identical: bool = False) -> list[Arrival]:
+    """A drive through a floor, from one corner of the route over the next ones."""
+    route = ROUTE[first : first + corners]
+    return list(driven(floor_of_building(floor, identical), route, day).arrivals)
 
 
 def silent(arrivals: list[Arrival]) -> list[Arrival]:
@@ -42,7 +45,6 @@ def drive(
 
 
 @cache
-def mapped(*floors: World) -> BuildingMap:
-    """The map of these floors, one ride after another."""
-    parts = [part(day(1, world), number) for number, world in enumerate(floors)]
-    return drive(ridden(parts))[0].building
+def mapped(identical: bool = False) -> BuildingMap:
+    """The map of both floors."""
+    return drive(ridden([part(0, 0, identical=identical), part(1, 1, identical=identical)]))[0].building
