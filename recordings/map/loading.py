@@ -158,15 +158,15 @@ class _Loading:
         return found or calibration_of(calibrations)
 
     def _grids(self, keyframes: list[MapKeyframe], poses: Floats) -> dict[int, OccupancyGrid]:
-        floors = sorted({0, *(keyframe.floor for keyframe in keyframes)})
-        names = {floor: of_floor(GRID, floor) for floor in floors}
-        if len(floors) > 1 and not any(names[floor] in self._files.names for floor in floors[1:]):
-            return drawn(keyframes, poses, MapConfig())  # saved when all floors were drawn into one grid
-        grids = {floor: self._files.read(names[floor], lambda data: read_grid(read_parquet(data))) for floor in floors}
+        floors = {0, *(keyframe.floor for keyframe in keyframes)}
+        names = {floor: of_floor(GRID, floor) for floor in sorted(floors)}
+        if names.keys() != {0} and not self._files.names & set(names.values()) - {GRID}:
+            names = {0: GRID}  # saved when all floors were drawn into one grid: that one stays as it was
+        grids = {floor: self._files.read(name, _parse_grid) for floor, name in names.items()}
         read = {floor: grid for floor, grid in grids.items() if grid is not None}
         for floor in grids.keys() - read.keys():
             self._warn(names[floor], "the grid is drawn again from the scans")
-        return read if len(read) == len(floors) else drawn(keyframes, poses, MapConfig()) | read
+        return read if read.keys() == floors else drawn(keyframes, poses, MapConfig()) | read
 
     def _warn(self, name: str, follows: str) -> None:
         self.warnings.append(f"{self._folder / name}: {self.damaged[name]}: {follows}")
@@ -175,3 +175,7 @@ class _Loading:
         for name in damaged:
             first = (table.part_of(name) or 0) * table.rows
             self._warn(name, f"{rows} {first} to {first + table.rows - 1} {follow}")
+
+
+def _parse_grid(data: bytes) -> OccupancyGrid:
+    return read_grid(read_parquet(data))

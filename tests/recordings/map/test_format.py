@@ -101,7 +101,8 @@ def test_factors_closures_and_fingerprints_are_as_the_text_says(folder: Path, bu
 
 
 def test_the_grid_is_as_the_text_says(folder: Path, building: BuildingMap) -> None:
-    grid = table(folder, "grid")
-    rows = [np.frombuffer(row, np.int8) for row in grid["evidence"]]
-    np.testing.assert_array_equal(rows, building.grid.evidence)
-    assert (grid["origin_x_m"][0], grid["origin_y_m"][0]) == building.grid.origin_xy_m
+    for name, drawn in {"grid.parquet": building.grids[0], "grid_floor1.parquet": building.grids[1]}.items():
+        grid = table(folder, name)
+        rows = [np.frombuffer(row, np.int8) for row in grid["evidence"]]
+        np.testing.assert_array_equal(rows, drawn.evidence)
+        assert (grid["origin_x_m"][0], grid["origin_y_m"][0]) == drawn.origin_xy_m
