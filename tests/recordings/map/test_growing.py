@@ -38,7 +38,12 @@ def test_full_parts_are_left_and_the_rest_is_written(building: BuildingMap, tmp_
     assert kept(tmp_path, before) == FULL
     again = inodes(tmp_path)
     saver.save(building)
-    assert set(again) - kept(tmp_path, again) == {"keyframes.parquet", "access_points.parquet", "grid.parquet"}
+    assert set(again) - kept(tmp_path, again) == {
+        "keyframes.parquet",
+        "access_points.parquet",
+        "grid.parquet",
+        "grid_floor1.parquet",
+    }
 
 
 def test_a_saver_that_was_pickled_with_its_map_knows_what_is_saved(building: BuildingMap, tmp_path: Path) -> None:
