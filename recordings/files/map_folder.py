@@ -17,7 +17,7 @@ KEYFRAMES, ACCESS_POINTS, GRID = "keyframes.parquet", "access_points.parquet", "
 CALIBRATION, GRAPH = "calibration.toml", "graph.g2o"
 EXPORTS = (GRAPH, *GRID_FILES)  # for other programs: the map is loaded without them
 WHOLE_FILES = (KEYFRAMES, ACCESS_POINTS, GRID, CALIBRATION, *EXPORTS)
-NUMBERED = re.compile(
+PART = re.compile(
     r"(scans|factors|closures|fingerprints)_\d{4,}\.parquet|grid_floor\d+\.parquet|map_floor\d+\.(pgm|yaml)"
 )
 
@@ -29,7 +29,7 @@ class MapError(WayfiError):
 def files_of_a_map(folder: Path) -> list[Path]:
     """The files in `folder` that wayfi writes there for a map, in their places; its manifest first."""
     names = {path.name for place in (folder, folder / READY) for path in place.glob("*") if not path.is_dir()}
-    mine = [name for name in sorted(names) if NUMBERED.fullmatch(name) or name in WHOLE_FILES]
+    mine = [name for name in sorted(names) if PART.fullmatch(name) or name in WHOLE_FILES]
     return [folder / name for name in ([MANIFEST] if MANIFEST in names else []) + mine]
 
 
