@@ -91,7 +91,10 @@ class LocalizationConfig:
     """Localisation in a saved map."""
 
     most_hypotheses: int = option(40, "", "tracked together: bounds the memory")
-    compared: int = option(8, "scans", "with the map in one message: 25 ms")
+    compared: int = option(8, "scans", "with the map in one slice of the work: 25 ms")
+    slice_s: float = option(0.1, "s", "between messages, for which one slice is done")
+    most_slices: int = option(3, "", "of the work in one message, 75 ms: where messages are rare, each does more")
+    most_due: int = option(30, "slices", "that are made up for by the next messages")
     places: MapPlacesConfig = field(default_factory=MapPlacesConfig)
     fix: FixConfig = field(default_factory=FixConfig)
     wifi: WifiBeliefConfig = field(default_factory=WifiBeliefConfig)

@@ -1,0 +1,28 @@
+"""What WiFi says of poses near the places that it names, and of those that are turned there."""
+
+import math
+
+import numpy as np
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.localization.wifi.clusters import OPEN_RAD2, PlaceBelief
+from wayfi.frontends.localization.wifi_support import WifiSupport
+
+
+def support(variance_rad2: float) -> WifiSupport:
+    return WifiSupport([PlaceBelief(Pose2(3.0, 4.0, 0.2), np.diag([1.0, 1.0, variance_rad2]), 0.9)], heard=True)
+
+
+def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:
+    known = support(0.04)
+    assert known.nats(Pose2(3.0, 4.0, 0.2)) == 0.0
+    assert -6.0 < known.nats(Pose2(3.0, 4.0, 0.2 + math.pi)) < -4.0
+    assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1)) > -0.1
+
+
+def test_every_heading_is_about_as_likely_where_it_is_open() -> None:
+    assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi)) > -1.5
+
+
+def test_a_pose_some_metres_off_is_unlikely_whatever_its_heading() -> None:
+    assert support(OPEN_RAD2).nats(Pose2(9.0, 4.0, 0.2)) < -8.0
