@@ -18,7 +18,8 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     best = cluster.best
     if wifi.is_elsewhere(config.least_in_map):
         return _not_yet(FailureCategory.NOT_IN_MAP, "WiFi hears little that is in this map")
-    fixes, path_m = (config.fixes_with_wifi, config.path_with_wifi_m) if wifi.known else (config.fixes, config.path_m)
+    sure = wifi.known and cluster.is_sharp(config)
+    fixes, path_m = (config.fixes_with_wifi, config.path_with_wifi_m) if sure else (config.fixes, config.path_m)
     if best.agreed < fixes or best.agreed_m < path_m:
         needed = f"{fixes} along {path_m:g} m confirm it"
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"{best.agreed} scans in a row agree on a place; {needed}")

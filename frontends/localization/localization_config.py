@@ -62,7 +62,7 @@ class ClaimConfig:
     fixes: int = option(4, "", "agreeing fixes, each from another place")
     apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
     path_m: float = option(1.2, "m", "of path along which they agree")
-    fixes_with_wifi: int = option(3, "", "the same where WiFi names the place as well, of itself")
+    fixes_with_wifi: int = option(3, "", "the same where WiFi names the place as well and no wall leaves it open")
     path_with_wifi_m: float = option(0.9, "m", "as above")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
