@@ -20,17 +20,17 @@ def support(variance_rad2: float) -> WifiSupport:
 
 def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:
     known = support(0.04)
-    assert known.nats(Pose2(3.0, 4.0, 0.2)) == 0.0
-    assert -6.0 < known.nats(Pose2(3.0, 4.0, 0.2 + math.pi)) < -4.0
-    assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1)) > -0.1
+    assert known.nats(Pose2(3.0, 4.0, 0.2), 0) == 0.0
+    assert -6.0 < known.nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) < -4.0
+    assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1), 0) > -0.1
 
 
 def test_every_heading_is_about_as_likely_where_it_is_open() -> None:
-    assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi)) > -1.5
+    assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) > -1.5
 
 
 def test_a_pose_some_metres_off_is_unlikely_whatever_its_heading() -> None:
-    assert support(OPEN_RAD2).nats(Pose2(9.0, 4.0, 0.2)) < -8.0
+    assert support(OPEN_RAD2).nats(Pose2(9.0, 4.0, 0.2), 0) < -8.0
 
 
 @pytest.mark.parametrize(("wifi", "agreed", "confirmed"), [(True, 3, True), (True, 2, False), (False, 3, False)])
