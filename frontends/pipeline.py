@@ -285,6 +285,7 @@ class Pipeline:
             return
         yield from self._wifi.add(m, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
+        yield from self._core.go_on(self.stamp_ns)
 
     def _use_poses(self) -> Iterator[Event]:
         for pose in self._poses.ready(self._path):

@@ -18,8 +18,9 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     best = cluster.best
     if wifi.is_elsewhere(config.least_in_map):
         return _not_yet(FailureCategory.NOT_IN_MAP, "WiFi hears little that is in this map")
-    if best.agreed < config.fixes or best.agreed_m < config.path_m:
-        needed = f"{config.fixes} along {config.path_m:g} m confirm it"
+    fixes, path_m = _needed(cluster.is_sharp(config), wifi.known, config)
+    if best.agreed < fixes or best.agreed_m < path_m:
+        needed = f"{fixes} along {path_m:g} m confirm it"
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"{best.agreed} scans in a row agree on a place; {needed}")
     least = config.min_quality if wifi.known else config.min_quality_alone
     if best.quality < least:
@@ -35,6 +36,13 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     if not complete and cluster.proposed < (config.searches_with_wifi if wifi.known else config.searches):
         return _not_yet(FailureCategory.AMBIGUOUS, "too many places of the map look alike so far")
     return None
+
+
+def _needed(sharp: bool, wifi: bool, config: ClaimConfig) -> tuple[int, float]:
+    """How many scans have to agree, and along which path (m)."""
+    if not sharp:
+        return config.fixes, config.open_path_m
+    return (config.fixes_with_wifi, config.path_with_wifi_m) if wifi else (config.fixes, config.path_m)
 
 
 def judge_claim(cluster: Cluster, state: State, elsewhere: int, config: ClaimConfig) -> Health:

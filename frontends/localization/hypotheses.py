@@ -11,6 +11,7 @@ from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.map_matching import Agreement, Fix, error
 
 QUALITY_GAIN = 0.25  # of the newest fix in the mean quality: that of the last four
+APART_SCALE = 4.0  # of the covariance after a scan that fits apart: wheels turn by more than they admit at times
 SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
 
@@ -80,6 +81,8 @@ class Hypothesis:
         counts = self.is_new_place(config)
         if fix.agreement is Agreement.AGREES:
             self._correct(fix)
+        elif fix.agreement is Agreement.APART:
+            self.covariance = APART_SCALE * self.covariance
         if counts:
             self._counted_at = self.T_map_base
             self._count(fix, path_m, config)

@@ -62,6 +62,9 @@ class ClaimConfig:
     fixes: int = option(4, "", "agreeing fixes, each from another place")
     apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
     path_m: float = option(1.2, "m", "of path along which they agree")
+    open_path_m: float = option(3.0, "m", "the same where walls leave the place open along them")
+    fixes_with_wifi: int = option(3, "", "the fixes where WiFi names the place as well and no wall leaves it open")
+    path_with_wifi_m: float = option(0.9, "m", "the path there")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
     searches: int = option(4, "", "that find the place, where each has left out places that look as much alike")
@@ -91,7 +94,10 @@ class LocalizationConfig:
     """Localisation in a saved map."""
 
     most_hypotheses: int = option(40, "", "tracked together: bounds the memory")
-    compared: int = option(8, "scans", "with the map in one message: 25 ms")
+    compared: int = option(8, "scans", "with the map in one slice of the work: 25 ms")
+    slice_s: float = option(0.1, "s", "between messages, for which one slice is done")
+    most_slices: int = option(2, "", "of the work in one message, 50 ms: where messages are rare, each does more")
+    most_due: int = option(30, "slices", "that are made up for by the next messages")
     places: MapPlacesConfig = field(default_factory=MapPlacesConfig)
     fix: FixConfig = field(default_factory=FixConfig)
     wifi: WifiBeliefConfig = field(default_factory=WifiBeliefConfig)

@@ -44,6 +44,7 @@ class Localizer:
         self._hypotheses: list[Hypothesis] = []
         self._elsewhere = 0
         self._coarse = CoarseClaim(config.coarse_claim)
+        self._worked_ns, self._due = 0, 0.0  # the slices of work that are due by then
         self._scanned_m = 0.0  # of path, up to the last scan
         self._floors = building.floors
         self.in_elevator = False
@@ -136,10 +137,20 @@ class Localizer:
         self._cluster = cluster_of(self._hypotheses, self._track, self._wifi, self._config.claim, self.claimed)
         self.health = Health(State.TRACKING, "the pose was known before the mode was changed")
 
-    def go_on(self) -> None:
-        """Do the next slice of the work that waits: compare some scans with the map, or search on."""
+    def go_on(self, stamp_ns: int) -> None:
+        """Do the next slices of the work that waits, more of them where messages are rare."""
         if self._track.newest < 0:
             return
+        config, since_ns = self._config, max(stamp_ns - self._worked_ns, 0)
+        self._due = min(self._due + since_ns / (1e9 * config.slice_s), config.most_due)
+        self._worked_ns = stamp_ns
+        slices = min(int(self._due), config.most_slices)
+        self._due -= slices
+        for _ in range(slices):
+            self._work()
+
+    def _work(self) -> None:
+        """Compare some scans with the map, or search on."""
         left = self._config.compared
         for hypothesis in sorted(self._hypotheses, key=lambda h: -h.evidence):
             left -= self._follower.catch_up(hypothesis, left)
@@ -153,6 +164,7 @@ class Localizer:
             self._judge_claim()
 
     def _search(self) -> None:
+        self._proposals.narrow(self._wifi)
         if self._proposals.running or self._proposals.begin(self._wifi):
             for proposed in self._proposals.go_on():
                 self._follow(proposed)

@@ -24,7 +24,8 @@ class Agreement(Enum):
     """What a scan says of the pose at which it was expected."""
 
     AGREES = "it fits the map there"
-    SILENT = "neither"
+    APART = "it fits the map, but not where the way so far puts it"
+    SILENT = "none of them"
     CONTRADICTS = "it fits nowhere near, or looks through the map's walls"
 
 
@@ -62,7 +63,7 @@ class MapMatcher:
         e = error(expected, fix.T_map_base)
         chi2 = float(e @ np.linalg.solve(covariance + fix.covariance, e))
         if fix.agreement is Agreement.AGREES and chi2 > self._config.chi2:
-            return replace(fix, agreement=Agreement.SILENT)
+            return replace(fix, agreement=Agreement.APART)
         return fix
 
     def as_fix(self, scan: ScanPoints, place: Place, result: IcpResult) -> Fix:

@@ -37,6 +37,8 @@ class Proposals:
         self._searches = {floor: MapSearch(building, config.search, floor) for floor in building.floors}
         self._floor = 0  # that is searched
         self._regions: deque[tuple[int, Region | None]] = deque()
+        self._everywhere = False  # whether the search that was begun last is of the whole map
+        self._least_in_map = config.claim.least_in_map
         self._scans: tuple[list[ScanPoints], Floats] = [], np.empty((0, 3))
         self._keyframe = -1
         self._complete_so_far = True
@@ -54,6 +56,11 @@ class Proposals:
         """Whether a search goes on."""
         return self._running
 
+    def narrow(self, wifi: WifiSupport) -> None:
+        """Give up a search of the whole map as soon as WiFi tells which part of it the robot is in."""
+        if self._everywhere and self._running and wifi.known and wifi.weight >= self._least_in_map:
+            self.restart()
+
     def begin(self, wifi: WifiSupport) -> bool:
         """Begin a search by the newest scans, if one is due; False if not."""
         if self._running or self._track.newest < 0:
@@ -66,6 +73,7 @@ class Proposals:
         self._searched_m, self._keyframe = path_m, self._track.newest
         self._scans = self._track.last_scans(self._config.scans, self._config.apart_m, self._config.reach_m)
         self._regions = deque(self._regions_of(wifi))
+        self._everywhere = any(region is None for _, region in self._regions)
         self._complete_so_far = True
         self._begin_next()
         return self._running
@@ -90,7 +98,7 @@ class Proposals:
 
     def _regions_of(self, wifi: WifiSupport) -> list[tuple[int, Region | None]]:
         """The floors and regions where WiFi puts the robot, the likeliest first; the whole map where it names none."""
-        if not wifi.known:
+        if not wifi.known or wifi.weight < self._least_in_map:
             return [(floor, None) for floor in self._searches]
         regions: list[tuple[int, Region | None]] = []
         weight = 0.0

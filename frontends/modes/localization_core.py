@@ -136,7 +136,7 @@ class LocalizationCore:
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the search, and of what hypotheses wait for."""
         with self._timer("localization"):
-            self._localizer.go_on()
+            self._localizer.go_on(stamp_ns)
         return self._changes(stamp_ns)
 
     def laser_offset_s(self, path: DrivenPath) -> float | None:  # noqa: ARG002 - as SLAM's

@@ -1,0 +1,41 @@
+"""What WiFi says of poses near the places that it names, and of those that are turned there."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wayfi.backend.pose2 import Pose2
+from wayfi.frontends.localization.claims import why_not_confirmed
+from wayfi.frontends.localization.cluster import Cluster
+from wayfi.frontends.localization.hypotheses import Hypothesis
+from wayfi.frontends.localization.localization_config import ClaimConfig
+from wayfi.frontends.localization.wifi.clusters import OPEN_RAD2, PlaceBelief
+from wayfi.frontends.localization.wifi_support import WifiSupport
+
+
+def support(variance_rad2: float) -> WifiSupport:
+    return WifiSupport([PlaceBelief(Pose2(3.0, 4.0, 0.2), np.diag([1.0, 1.0, variance_rad2]), 0.9)], heard=True)
+
+
+def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:
+    known = support(0.04)
+    assert known.nats(Pose2(3.0, 4.0, 0.2), 0) == 0.0
+    assert -6.0 < known.nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) < -4.0
+    assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1), 0) > -0.1
+
+
+def test_every_heading_is_about_as_likely_where_it_is_open() -> None:
+    assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) > -1.5
+
+
+def test_a_pose_some_metres_off_is_unlikely_whatever_its_heading() -> None:
+    assert support(OPEN_RAD2).nats(Pose2(9.0, 4.0, 0.2), 0) < -8.0
+
+
+@pytest.mark.parametrize(("wifi", "agreed", "confirmed"), [(True, 3, True), (True, 2, False), (False, 3, False)])
+def test_fewer_scans_confirm_a_place_that_wifi_names_as_well(wifi: bool, agreed: int, confirmed: bool) -> None:
+    at = Hypothesis(Pose2(3.0, 4.0, 0.2), 1e-3 * np.eye(3), 5, agreed=agreed, agreed_to_m=1.0)
+    cluster = Cluster(at, 5, at.T_map_base, at.covariance, gain=10.0, rivals=0, proposed=1)
+    heard = support(0.04) if wifi else WifiSupport(())
+    assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
