@@ -3,22 +3,27 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from wayfi.backend.errors import WayfiError
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.pruning import pruned
 from wayfi.frontends.merging.merging import merge
 from wayfi.frontends.slam_config import SlamConfig
 
+ARM_M = 1.0  # of keyframes that tell a heading by their positions
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CommonMap:
-    """The joined map, and by the name of each part T_common_map where its newest keyframe lies, or why it is left out.
+    """The joined map, and by the name of each part the poses (n, 3) of its keyframes in it, or why it is left out.
 
-    A part's own map bends differently from the joined one: near what its robot saw last, `places` is exact.
+    `places` tells T_common_map of each part, as its keyframes fit best.
     """
 
     building: BuildingMap
+    poses: Mapping[str, Floats]
     places: Mapping[str, Pose2]
     left_out: Mapping[str, str]
 
@@ -30,25 +35,31 @@ def common_map(parts: Mapping[str, BuildingMap], config: SlamConfig) -> CommonMa
     seen is kept once.
     """
     (root, building), *others = parts.items()
-    newest = {root: len(building.keyframes) - 1}
+    begins = {root: 0}
     waiting, left_out = dict(others), dict[str, str]()
     tried_with = 0
-    while waiting and tried_with < len(newest):
-        tried_with = len(newest)
+    while waiting and tried_with < len(begins):
+        tried_with = len(begins)
         for name, part in list(waiting.items()):
+            before = len(building.keyframes)
             try:
                 building = merge(building, part, config).building
             except WayfiError as error:
                 left_out[name] = str(error)
                 continue
-            newest[name] = len(building.keyframes) - 1
+            begins[name] = before
             del waiting[name]
             left_out.pop(name, None)
-    places = {name: _place(parts[name], building, k) for name, k in newest.items()}
+    poses = {name: building.poses[k : k + len(parts[name].keyframes)] for name, k in begins.items()}
+    places = {name: _place(parts[name].poses, joined) for name, joined in poses.items()}
     first = len(parts[root].keyframes)
-    return CommonMap(pruned(building, config.pruning, config.lidar.visibility, config.map, first), places, left_out)
+    kept = pruned(building, config.pruning, config.lidar.visibility, config.map, first)
+    return CommonMap(kept, poses, places, left_out)
 
 
-def _place(part: BuildingMap, joined: BuildingMap, newest: int) -> Pose2:
-    """Where the frame of a part lies in the joined map, by the newest keyframe of the part: number `newest` there."""
-    return Pose2.of(joined.poses[newest]) @ Pose2.of(part.poses[-1]).inverse()
+def _place(own: Floats, joined: Floats) -> Pose2:
+    """Where the frame of a part lies in the joined map, by the poses of its keyframes in both."""
+    source, target = own[:, :2], joined[:, :2]
+    if np.hypot(*(source - source.mean(axis=0)).T).mean() < ARM_M:
+        return Pose2.of(joined[-1]) @ Pose2.of(own[-1]).inverse()
+    return rigid_fit(source, target)

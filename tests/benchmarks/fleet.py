@@ -54,13 +54,12 @@ def driven(kept: Path, world: str, seed: int) -> tuple[list[Drive], list[Buildin
 
 def errors(drives: Sequence[Drive], maps: Sequence[BuildingMap], common: CommonMap) -> Iterator[list[float]]:
     """Of each robot that was joined, m: alone, in the common map, and as its own map is placed there."""
-    keyframes, poses = np.array(common.building.keyframes, object), common.building.poses
-    of = np.array([keyframe.session for keyframe in keyframes])
-    truths = np.concatenate([true_poses(keyframes[of == n], drive) for n, drive in enumerate(drives)])
-    T = align(poses[:, :2], truths[:, :2])
-    for n, (drive, own) in enumerate(zip(drives, maps, strict=True)):
-        true, placed = true_poses(own.keyframes, drive), compose_all((T @ common.places[str(n)]).array(), own.poses)
-        in_common = rms_m(compose_all(T.array(), poses[of == n]), truths[of == n])
+    truths = [true_poses(own.keyframes, drive) for own, drive in zip(maps, drives, strict=True)]
+    joined = [common.poses[str(n)] for n in range(len(maps))]
+    T = align(np.concatenate(joined)[:, :2], np.concatenate(truths)[:, :2])
+    for n, (own, true) in enumerate(zip(maps, truths, strict=True)):
+        placed = compose_all((T @ common.places[str(n)]).array(), own.poses)
+        in_common = rms_m(compose_all(T.array(), joined[n]), true)
         yield [rms_m(aligned(own.poses, true), true), in_common, rms_m(placed, true)]
 
 
