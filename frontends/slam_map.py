@@ -55,6 +55,7 @@ def begin_with(building: BuildingMap, parts: DriveParts, gap_m: float) -> MapBef
     for k in building.keyframes:
         sensor = k.scan.T_base_laser if k.scan else None
         parts.grids.add(k.floor, k.hits, (sensor.x, sensor.y) if sensor else (0.0, 0.0))
+    parts.grids.redraw(building.poses, parts.keyframes.floors)  # now, since no message may take so long
     for f in building.fingerprints:
         place = keyframes[f.keyframe].point
         point = PathPoint(f.stamp_ns, place.T_path_base @ f.T_keyframe_base, place.path_m)
