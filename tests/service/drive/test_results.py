@@ -21,7 +21,7 @@ from wayfi.service.config import Config, config_toml, load_config
 
 REPORT_KEYS = {
     *("messages", "dropped", "stages", "wall_s", "recording_s", "peak_memory_mb", "recording_sha256", "versions"),
-    *("warnings", "status_changes"),
+    *("warnings", "status_changes", "floor"),
 }
 UNKNOWN, FREE, OCCUPIED = 128, 254, 0
 
