@@ -37,14 +37,6 @@ class PathPoint:
         return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
 
 
-@dataclass(frozen=True, slots=True)
-class _SetAside:
-    """The newest point by wheels that fell silent, and the pose that they gave there."""
-
-    point: PathPoint
-    raw: Pose2
-
-
 class DrivenPath:
     """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion.
 
@@ -56,8 +48,6 @@ class DrivenPath:
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._restarts = self._was_away = False
-        self._aside: _SetAside | None = None
-        self._regains = False
         self.leapt_m = self.leapt_rad = 0.0
 
     @property
@@ -74,26 +64,11 @@ class DrivenPath:
 
     def restart(self) -> None:
         """Join the next pose without motion: the source of the odometry has changed."""
-        self._raw, self._restarts, self._regains = None, True, False
-
-    def set_aside(self) -> None:
-        """The wheels fell silent: join the next pose, of what leads in their place, without motion."""
-        last = self.latest
-        self._aside = _SetAside(last, self._raw) if last and self._raw else None
-        self.restart()
-
-    def take_up(self) -> None:
-        """The wheels are back: the next pose tells the motion since `set_aside`, for they counted meanwhile."""
-        self.restart()
-        self._regains = self._aside is not None
-
-    def forget_aside(self) -> None:
-        """The next pose of the wheels says nothing of the motion since `set_aside`: it is by another count."""
-        self._aside = None
+        self._raw, self._restarts = None, True
 
     def rejoin(self, T_odom_base: Pose2) -> None:
         """Join the next pose by the motion since this one, which the new source gave for the path's end or before."""
-        if self._restarts and not self._regains:
+        if self._restarts:
             self._raw = T_odom_base
 
     def go_on(self) -> None:
@@ -105,13 +80,10 @@ class DrivenPath:
         copy = DrivenPath(self._config)
         copy._points.extend(list(self._points)[-1:])
         copy._raw, copy._restarts, copy._was_away = self._raw, self._restarts, self._was_away
-        copy._aside, copy._regains = self._aside, self._regains
         return copy
 
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
-        if self._regains:
-            self._regain(stamp_ns, T_odom_base)
         last = self.latest
         plausible, discontinuities = True, last.discontinuities if last else 0
         self.leapt_m = self.leapt_rad = 0.0
@@ -133,28 +105,6 @@ class DrivenPath:
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
-
-    def _regain(self, stamp_ns: int, T_odom_base: Pose2) -> None:
-        """Move the path's end to where the wheels put it, which were silent and give `T_odom_base` now.
-
-        Between two of their poses they are assumed to have turned evenly. Where they began anew, the end stays.
-        """
-        aside, last = self._aside, self.latest
-        self._aside, self._regains = None, False
-        assert aside is not None
-        assert last is not None
-        motion = aside.raw.between(T_odom_base)
-        self._raw = aside.raw
-        seconds = (stamp_ns - aside.point.stamp_ns) * NANOSECOND_S
-        if self._has_restarted(T_odom_base) or self._leaps(motion, T_odom_base, seconds):
-            self._raw = None
-            return
-        fraction = (last.stamp_ns + 1 - aside.point.stamp_ns) / (stamp_ns - aside.point.stamp_ns)
-        since = Pose2().interpolate(motion, fraction)
-        T_path_base = aside.point.T_path_base @ since
-        path_m = last.path_m + last.T_path_base.distance(T_path_base)
-        self._points.append(PathPoint(last.stamp_ns + 1, T_path_base, path_m, last.discontinuities))
-        self._raw = aside.raw @ since
 
     def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""

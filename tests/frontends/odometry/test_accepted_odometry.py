@@ -1,6 +1,5 @@
 """Which messages extend the path: the same for the pipeline and for whoever goes on from a copy of its state."""
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -99,34 +98,3 @@ def test_a_leap_is_told_and_counts_as_no_motion() -> None:
     assert before.point is not None
     assert after.point is not None
     assert after.point.path_m == before.point.path_m
-
-
-def test_wheels_that_were_silent_tell_the_whole_motion_whatever_led_meanwhile() -> None:
-    odometry = AcceptedOdometry(CONFIG)
-    accept_all(odometry, SOUND[:5])
-    before = odometry.path.latest
-    odometry.begin_stand_in()
-    odometry.follow_laser(SOUND[6].stamp_ns, Pose2())
-    odometry.follow_laser(SOUND[8].stamp_ns, Pose2(0.0, 0.01, 0.0))
-    tip = odometry.tip()
-    after = accept_all(odometry, SOUND[12:14])
-    motion = before.motion_to(after[0].point) if before and after[0].point else None
-    assert motion is not None
-    expected = SOUND[4].pose.between(SOUND[12].pose)
-    np.testing.assert_allclose(motion.pose.array(), expected.array(), atol=1e-9)
-    np.testing.assert_allclose(motion.path_m, 8 * STEP.x, rtol=0.1)
-    assert after[0].plausible
-    assert accept_all(tip, SOUND[12:14]) == after
-
-
-def test_wheels_that_began_anew_while_they_were_silent_say_nothing_of_the_way() -> None:
-    odometry = AcceptedOdometry(CONFIG)
-    odometry.accept(Odometry(0, Pose2(7.0, 0.0, 0.0)))
-    odometry.accept(Odometry(SECOND_NS, Pose2(7.5, 0.0, 0.0)))
-    odometry.begin_stand_in()
-    odometry.follow_laser(4 * SECOND_NS, Pose2())
-    led = odometry.follow_laser(5 * SECOND_NS, Pose2(0.6, 0.0, 0.0))
-    back = odometry.accept(Odometry(6 * SECOND_NS, Pose2(0.1, 0.0, 0.0)))
-    assert led.point is not None
-    assert back.point is not None
-    assert back.point.T_path_base == led.point.T_path_base
