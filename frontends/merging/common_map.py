@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.pruning import pruned
@@ -44,8 +43,8 @@ def common_map(parts: Mapping[str, BuildingMap], config: SlamConfig) -> CommonMa
             before = len(building.keyframes)
             try:
                 building = merge(building, part, config).building
-            except WayfiError as error:
-                left_out[name] = str(error)
+            except Exception as error:  # whatever is wrong with one robot's map, the others are joined
+                left_out[name] = str(error) or repr(error)
                 continue
             begins[name] = before
             del waiting[name]

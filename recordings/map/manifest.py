@@ -86,7 +86,7 @@ def read_manifest(folder: Path) -> Manifest:
         raise MapError(f"{folder}: holds no map: there is no {MANIFEST}") from None
     except OSError as error:
         raise MapError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise MapError(f"{path}: is damaged: it is no JSON; take the map from a backup, or replay again") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise MapError(f"{path}: is not the manifest of a map of wayfi")
@@ -102,7 +102,7 @@ def _parse(path: Path, content: dict[str, Any]) -> Manifest:
             dict(content["frames"]), tuple(map(int, content["floors"])), dict(content["counts"]), files,
             _aligned(content.get("aligned")),
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise MapError(f"{path}: is not the manifest of a map of wayfi: {error!r}") from None
 
 

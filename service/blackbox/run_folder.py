@@ -42,9 +42,9 @@ class RunFolder:
 
     def maps_served(self) -> dict[str, Path]:
         """The maps of this run and of the one before, by the names of the runs; others fetch what is new of them."""
-        runs = sorted((path for path in self.path.parent.iterdir() if path.name <= self.path.name), reverse=True)
-        maps = {run.name: run / MAP for run in runs[:MOST_SERVED]}
-        return {name: folder for name, folder in maps.items() if current(folder, MANIFEST).exists()}
+        runs = sorted(path for path in self.path.parent.iterdir() if path.name <= self.path.name)
+        mapped = [run for run in runs if current(run / MAP, MANIFEST).exists()]
+        return {run.name: run / MAP for run in mapped[-MOST_SERVED:]}
 
     def mark_stopped(self) -> None:
         """Mark the run as stopped cleanly: delete what a restart would need, and release the lock."""

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import zenoh
 
-from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2
 from wayfi.recordings.closing import Closing
 from wayfi.recordings.files.map_folder import MANIFEST
+from wayfi.recordings.map.manifest import MapName
 from wayfi.recordings.map.saving import name_of_map
 from wayfi.service.config import Config
 from wayfi.service.fleet.fleet_file import FLEET, Fleet, parse_fleet
@@ -43,6 +43,7 @@ class CommonPlace(Closing):
         self._run, self._known_id = run, known_id
         self._publishers = publishers
         self._log = log
+        self._published: MapName | None = None
         self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._look_again, name="common map", daemon=True)
@@ -57,17 +58,19 @@ class CommonPlace(Closing):
         while not self._closed.wait(self._config.fleet_every_s):
             try:
                 self._look()
-            except (WayfiError, zenoh.ZError) as error:
-                self._tell(str(error))
+            except Exception as error:  # what others send, and any disk, may be at fault: the next look may succeed
+                self._tell(str(error) or repr(error))
 
     def _look(self) -> None:
         for key, data in found(self._session, everywhere(COMMON, FLEET)):
-            served = key.removesuffix(f"/{FLEET}")
+            self._copy(key.removesuffix(f"/{FLEET}"))
             self._take_place(parse_fleet(data, key))
-            self._copy(served)
 
     def _take_place(self, fleet: Fleet) -> None:
+        """Take over where this run's map lies; the very map that the run localises in lies at the origin."""
         place = fleet.place_of(self._config.prefix.strip("/"), self._run.name)
+        if place is None and self._published is not None and self._published.map_id == self._known_id:
+            place = (0.0, 0.0, 0.0)
         if place is not None:
             if self._publishers.T_common_map is None:
                 self._log.info("joined", text="this run's map is part of the common one")
@@ -75,13 +78,12 @@ class CommonPlace(Closing):
 
     def _copy(self, served: str) -> None:
         for _, manifest in found(self._session, f"{served}/{MANIFEST}"):
-            name = mirror(self._session, served, manifest, self._run / FOLDER)
-            if name is not None:
-                self._publishers.publish_common_map(grid_message(self._run / FOLDER, self._map, self._frames))
-                self._log.info("common map", map_id=name.map_id, map_version=name.map_version)
-        common = name_of_map(self._run / FOLDER)
-        if common is not None and common.map_id == self._known_id:
-            self._publishers.T_common_map = Pose2()
+            mirror(self._session, served, manifest, self._run / FOLDER)
+        name = name_of_map(self._run / FOLDER)
+        if name is not None and name != self._published:
+            self._publishers.publish_common_map(grid_message(self._run / FOLDER, self._map, self._frames))
+            self._log.info("common map", map_id=name.map_id, map_version=name.map_version)
+            self._published = name
 
     def _tell(self, text: str) -> None:
         """Log what went wrong, once."""

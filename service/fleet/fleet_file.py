@@ -1,6 +1,7 @@
 """fleet.json: which maps the common map of a fleet is made of, and where each lies in it."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -46,7 +47,7 @@ def parse_fleet(data: bytes, where: str) -> Fleet:
     """The fleet that `to_json` made these bytes of. Raises FleetFileError, which names `where`."""
     try:
         return Fleet(tuple(_member(found) for found in json.loads(data)["members"]))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise FleetFileError(f"{where}: does not say how a common map is made: {error!r}") from None
 
 
@@ -62,6 +63,8 @@ def _member(found: dict[str, object]) -> Member:
     place = found["T_common_map"]
     if place is not None:
         x, y, theta = map(float, place)  # type: ignore[call-overload]
+        if not all(map(math.isfinite, (x, y, theta))):
+            raise ValueError(f"a place that is not finite: {place}")
         place = (x, y, theta)
     return Member(
         str(found["robot"]), str(found["run"]), str(found["map_id"]), int(str(found["map_version"])), place,

@@ -37,13 +37,13 @@ class MapServer(Closing):
             if file not in SERVED and not PART.fullmatch(file):
                 return
             for name, folder in self._folders().items():
-                key = f"{self._key}/{name}/{file}"
-                if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                    _reply(query, key, folder, file)
+                _reply(query, f"{self._key}/{name}/{file}", folder, file)
 
 
 def _reply(query: zenoh.Query, key: str, folder: Path, file: str) -> None:
+    """Reply with a file, if it is asked for and can be read; folders of the user may have names that are no keys."""
     try:
-        query.reply(key, read_current(folder, file), encoding=zenoh.Encoding.APPLICATION_OCTET_STREAM)
+        if query.key_expr.intersects(zenoh.KeyExpr(key)):
+            query.reply(key, read_current(folder, file), encoding=zenoh.Encoding.APPLICATION_OCTET_STREAM)
     except (OSError, zenoh.ZError):
         return

@@ -9,6 +9,8 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.maps.building_map import BuildingMap
@@ -18,7 +20,7 @@ from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.map.loading import LoadedMap, load_map
 from wayfi.recordings.map.saving import name_of_map, save_map
 from wayfi.service.config import Config, load_config
-from wayfi.service.fleet.fleet_file import FLEET, Fleet, Member, read_fleet
+from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, Member, read_fleet
 from wayfi.service.fleet.robot_folders import CONFIG, MAP, mirrored
 
 NICENESS = 5  # what the robots ask comes first
@@ -65,7 +67,7 @@ def _parts(directory: Path, config: Config) -> list[Part]:
     """The maps that can be joined: those that the common one is made of first, in their order, then by their age."""
     loaded = [(robot, run, _loaded(folder)) for robot, run, folder in mirrored(directory)]
     parts = [Part(robot, run, one, one.building) for robot, run, one in loaded if one and one.building.keyframes]
-    former = [f"{member.robot}/{member.run}" for member in read_fleet(directory / MAP).members if member.T_common_map]
+    former = [f"{member.robot}/{member.run}" for member in _former(directory).members if member.T_common_map]
     order = {name: number for number, name in enumerate(former)}
     parts.sort(key=lambda p: (order.get(p.name, len(order)), p.building.keyframes[0].stamp_ns, p.name))
     seen: set[str] = set()
@@ -74,6 +76,15 @@ def _parts(directory: Path, config: Config) -> list[Part]:
         joined.append(_own(part, config) if part.loaded.map_id in seen else part)
         seen.add(part.loaded.map_id)
     return joined
+
+
+def _former(directory: Path) -> Fleet:
+    """What the common map was made of so far; nothing, with a line, where that file is damaged."""
+    try:
+        return read_fleet(directory / MAP)
+    except FleetFileError as error:
+        sys.stderr.write(f"wayfi: {error}\n")
+        return Fleet()
 
 
 def _own(part: Part, config: Config) -> Part:
@@ -87,11 +98,22 @@ def _own(part: Part, config: Config) -> Part:
 
 
 def _loaded(folder: Path) -> LoadedMap | None:
+    """The map in a folder; None, with a line, where it is damaged or contradicts itself."""
     try:
-        return load_map(folder)
+        loaded = load_map(folder)
+        if not _consistent(loaded.building):
+            raise MapError(f"{folder}: contradicts itself: it relates keyframes that it does not have; delete it there")
     except MapError as error:
         sys.stderr.write(f"wayfi: {error}\n")
         return None
+    return loaded
+
+
+def _consistent(building: BuildingMap) -> bool:
+    """Whether all poses are finite, and all that is related to keyframes is to keyframes of the map."""
+    related = [f.keyframe for f in building.fingerprints]
+    related += [k for factor in building.factors.values() for k in (factor.a, factor.b)]
+    return bool(np.isfinite(building.poses).all()) and max(related, default=0) < len(building.keyframes)
 
 
 def _write(path: Path, text: str) -> None:

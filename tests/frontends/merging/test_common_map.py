@@ -1,5 +1,7 @@
 """Several drives in one hall become one map; what does not belong is left out and said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from building_maps.halls import around, hall, map_of
@@ -47,6 +49,13 @@ def test_one_of_another_building_is_left_out_and_the_others_are_joined(parts: di
     joined = common_map({"a": parts["a"], "foreign": foreign, "b": parts["b"]}, CONFIG)
     assert set(joined.places) == {"a", "b"}
     assert "no place of one map sounds like one of the other" in joined.left_out["foreign"]
+
+
+def test_one_that_contradicts_itself_is_left_out_and_the_others_are_joined(parts: dict[str, BuildingMap]) -> None:
+    fingerprints = [replace(fingerprint, keyframe=9999) for fingerprint in parts["c"].fingerprints]
+    joined = common_map({**parts, "c": replace(parts["c"], fingerprints=fingerprints)}, CONFIG)
+    assert set(joined.places) == {"a", "b"}
+    assert "9999" in joined.left_out["c"]
 
 
 def test_a_drive_alone_is_the_common_map(parts: dict[str, BuildingMap]) -> None:

@@ -24,7 +24,18 @@ def test_a_place_is_that_of_the_robots_own_run() -> None:
     assert FLEET_OF_TWO.place_of("robot2", "run") is None
 
 
-@pytest.mark.parametrize("data", [b"", b"[]", b'{"members": 1}', b'{"members": [{}]}', b"\xff", b'{"members": [3]}'])
+@pytest.mark.parametrize(
+    "data", [b"", b"[]", b'{"members": 1}', b'{"members": [{}]}', b"\xff", b'{"members": [3]}', b"[" * 100_000]
+)
 def test_what_is_no_fleet_is_one_line(data: bytes) -> None:
     with pytest.raises(FleetFileError, match=r"^somewhere: does not say how a common map is made"):
         parse_fleet(data, "somewhere")
+
+
+@pytest.mark.parametrize("place", ["[NaN, 0, 0]", "[0, Infinity, 0]", f"[0, 0, 1{'0' * 400}]", "[0, 0]"])
+def test_a_place_that_is_nowhere_is_refused(place: str) -> None:
+    whole = Fleet((Member("r", "run", "1f", 1, (7.25, 0.0, 0.0)),)).to_json()
+    start = whole.index("[", whole.index("T_common_map"))
+    text = whole[:start] + place + whole[whole.index("]", start) + 1 :]
+    with pytest.raises(FleetFileError):
+        parse_fleet(text.encode(), "somewhere")

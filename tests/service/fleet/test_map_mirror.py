@@ -95,7 +95,7 @@ def test_a_name_that_leads_out_of_the_folder_is_refused(served: Served) -> None:
     assert not (served.copy.parent.parent / "evil").exists()
 
 
-@pytest.mark.parametrize("manifest", [b"", b"{}", b"\xff", b'{"format": "wayfi-map", "version": 99}'])
+@pytest.mark.parametrize("manifest", [b"", b"{}", b"\xff", b'{"format": "wayfi-map", "version": 99}', b"[" * 100_000])
 def test_what_is_no_manifest_is_refused(served: Served, manifest: bytes) -> None:
     served.mirror()
     (served.folder / MANIFEST).write_bytes(manifest)
