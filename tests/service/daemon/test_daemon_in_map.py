@@ -98,8 +98,8 @@ def test_the_run_has_no_map_of_its_own_and_names_the_one_it_is_in(ran: Running, 
     named = json.loads(open_recording(ran.folder).attachments()[MAP])
     assert named["path"] == str(known)
     assert named["map_id"] == load_map(known).map_id
-    states = [change["state"] for change in report_of(ran.folder)["status_changes"]]
-    assert states[:2] == ["RELOCALISING", "TRACKING"]
+    states = [change["state"] for change in report_of(ran.folder)["status_changes"]]  # each with its reasons
+    assert list(dict.fromkeys(states))[:2] == ["RELOCALISING", "TRACKING"]
 
 
 def test_its_replay_is_the_same_to_the_byte_or_says_which_map_it_misses(
