@@ -14,7 +14,7 @@ class MergingConfig:
     heading_step: float = option(0.05, "rad", "between the headings tried: 1 m at 20 m, half a cell")
     near_m: float = option(4.0, "m", "between the places of two like fingerprints that the motion explains")
     independent_m: float = option(5.0, "m", "of places: what WiFi says of those nearer to each other counts once")
-    min_places: int = option(5, "places", "apart, that WiFi must bring together: chance brought 3, small storeys 7")
+    min_places: int = option(5, "places", "5 m apart, that WiFi must bring together: chance brought 3, small storeys 7")
     min_explained: float = option(0.5, "", "of like fingerprints; in maps of one building 0.99 were")
     max_rival: float = option(0.6, "", "of the support of the best motion: nearer than this it is ambiguous")
     wifi_sigma_m: float = option(1.0, "m", "of what WiFi says, from which the laser searches")

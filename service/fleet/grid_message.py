@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from wayfi.backend.grid.map_config import MapConfig
-from wayfi.frontends.events import GridRedrawn
+from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.frames.frames_config import FramesConfig
 from wayfi.recordings.files.map_folder import GRID
 from wayfi.recordings.files.replaced_together import read_current
@@ -15,4 +15,4 @@ from wayfi.service.transport.output_messages import map_message
 def grid_message(folder: Path, config: MapConfig, frames: FramesConfig) -> bytes:
     """The grid of the common map in `folder`, which is whole, as an OccupancyGrid in the frame of a fleet, CDR."""
     grid = read_grid(read_parquet(read_current(folder, GRID)))
-    return map_message(GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m), config, frames.common)
+    return map_message(grid_event(0, grid), config, frames.common)

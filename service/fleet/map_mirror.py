@@ -50,10 +50,11 @@ def _mirror(
     (staged / MANIFEST).write_bytes(manifest)
     wanted = read_manifest(staged)
     _refuse_foreign_files(wanted, key)
-    there = read_manifest(folder).files if name_of_map(folder) else {}
-    if there == wanted.files and name_of_map(folder) == wanted.name:
+    kept = read_manifest(folder) if name_of_map(folder) else None
+    if kept is not None and (kept.name, kept.files) == (wanted.name, wanted.files):
         shutil.rmtree(staged)
         return None
+    there = kept.files if kept else {}
     missing = {name: checksum for name, checksum in wanted.files.items() if there.get(name) != checksum}
     _forget_others(staged, missing, wanted)
     for name, checksum in missing.items():

@@ -16,6 +16,7 @@ from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.selecting import alone
 from wayfi.frontends.merging.common_map import common_map
+from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.map.loading import LoadedMap, load_map
 from wayfi.recordings.map.saving import name_of_map, save_map
@@ -57,9 +58,9 @@ def join_maps(directory: Path, config: Config) -> Fleet:
         return Fleet()
     common = common_map({part.name: part.building for part in parts}, config)
     members = [part.member(common.places.get(part.name), common.left_out.get(part.name, "")) for part in parts]
-    fleet = Fleet(members)
+    fleet = Fleet(tuple(members))
     save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP))
-    _write(directory / MAP / FLEET, fleet.to_json())
+    write_text(directory / MAP / FLEET, fleet.to_json())
     return fleet
 
 
@@ -114,12 +115,6 @@ def _consistent(building: BuildingMap) -> bool:
     related = [f.keyframe for f in building.fingerprints]
     related += [k for factor in building.factors.values() for k in (factor.a, factor.b)]
     return bool(np.isfinite(building.poses).all()) and max(related, default=0) < len(building.keyframes)
-
-
-def _write(path: Path, text: str) -> None:
-    unfinished = path.with_suffix(".unfinished")
-    unfinished.write_text(text)
-    unfinished.replace(path)
 
 
 def main() -> None:
