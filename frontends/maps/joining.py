@@ -39,11 +39,20 @@ class Tie:
     residual_m: float = np.nan
 
 
-def join(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: Sequence[Tie], config: OptimisingConfig) -> BuildingMap:
+def join(
+    a: BuildingMap,
+    b: BuildingMap,
+    T_a_b: Pose2,
+    ties: Sequence[Tie],
+    config: OptimisingConfig,
+    floors: Mapping[int, int] | None = None,
+) -> BuildingMap:
     """One map of both, in the frame of `a`, optimised; its sessions, keyframes and closures are those of a, then of b.
 
-    `T_a_b` is the pose of the frame of `b` in that of `a`, from which the optimisation starts. Raises OptimisingError.
+    `T_a_b` is the pose of the frame of `b` in that of `a`, from which the optimisation starts; `floors` are the new
+    numbers of the floors of `b`, which keep theirs without. Raises OptimisingError.
     """
+    floors = floors or {}
     keyframes, factors = len(a.keyframes), calibrated_factors(a)
     sessions = 1 + max((k.session for k in a.keyframes), default=-1)
     seam = max(factors, default=-1) + 1
@@ -57,7 +66,10 @@ def join(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: Sequence[Tie], conf
     closures = [*a.closures, *(_moved_closure(c, keyframes, len(a.closures), first) for c in b.closures)]
     closures += [MapClosure(_judged(len(closures) + n, t, a, b), (tie + n,)) for n, t in enumerate(ties)]
     joined = BuildingMap(
-        [*a.keyframes, *(replace(k, session=k.session + sessions) for k in b.keyframes)],
+        [
+            *a.keyframes,
+            *(replace(k, session=k.session + sessions, floor=floors.get(k.floor, k.floor)) for k in b.keyframes),
+        ],
         np.concatenate([a.poses, poses_b]),
         np.concatenate([a.calibrations, b.calibrations]),
         factors,

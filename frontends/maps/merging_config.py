@@ -32,3 +32,9 @@ class MergingConfig:
     max_seen_through: float = option(0.25, "", "of walls in view, in the median over those places: a map changes a lot")
     wifi_alone_places: int = option(12, "places", "independent, where there is no laser to confirm them")
     remove_chi2: float = option(25.0, "", "of a tie that the joined map contradicts: it is left out")
+    floors_agree_m: float = option(
+        1.0, "m", "between where two floors put the same elevator; 0.04 in simulated buildings"
+    )
+    floors_agree_rad: float = option(
+        0.1, "rad", "as above, of the headings; 0.005: wheels alone carry them out of an elevator"
+    )

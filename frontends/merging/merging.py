@@ -1,12 +1,13 @@
-"""Two maps of one building, made at different times or by different robots, made one.
+"""Two maps of one building, made at different times or by different robots, made one, floor by floor.
 
 WiFi says roughly where one lies in the other, and whether at all; the laser looks there, at many places. They are only
 joined where both agree at several places that lie some metres apart, nothing else fits about as well, and the scans of
 one do not look through the walls of the other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.joining import Tie, join
 from wayfi.frontends.maps.merging_config import MergingConfig
 from wayfi.frontends.maps.optimising import OptimisingConfig
+from wayfi.frontends.merging.floors import apart, like_floors, numbered, on_floor
 from wayfi.frontends.merging.laser_overlap import Spot, agreeing, check_along
 from wayfi.frontends.merging.laser_search import search_overlap
 from wayfi.frontends.merging.wifi_overlap import LikePlaces, Overlap, find_overlap, independent_places, like_places
@@ -29,6 +31,10 @@ TIE_SIGMAS = (0.2, 0.02)  # m and rad: of what the laser has found at many place
 SEARCHED_SIGMAS = (0.4, 0.05)  # m and rad: of a search in cells of 0.2 m
 ROUNDS = 3  # of leaving out ties that the joined map contradicts
 MOST_LEFT_OUT = 0.2  # of the ties: more say that the maps do not belong together
+NOTHING_ALIKE = (
+    "no place of one map sounds like one of the other: they are of different buildings or do not overlap (if all "
+    "access points were replaced, wifi.enabled=false merges by the laser alone)"
+)
 
 
 class MergeError(WayfiError):
@@ -39,7 +45,8 @@ class MergeError(WayfiError):
 class Merged:
     """The joined map, and what it rests on: WiFi's places, checks of the laser that agree, and how far both reach (m).
 
-    `T_a_b` is where the frame of the second map lies in the first one's, which is that of the joined one.
+    `T_a_b` is where the frame of the second map lies in the first one's, which is that of the joined one. `floors` are
+    the numbers of the floors of the second map in the joined one.
     """
 
     building: BuildingMap
@@ -47,36 +54,86 @@ class Merged:
     places: int
     checks: int
     spread_m: float
+    floors: Mapping[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What two maps rest on, on a floor of each: the pose of the second one's frame, and what relates them."""
+
+    T_a_b: Pose2
+    ties: Sequence[Tie]
+    places: int
+    checks: int
+    spread_m: float
 
 
 def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
-    """The one map of two. Raises MergeError where it is not certain that, and how, they overlap."""
+    """The one map of two, floor by floor: the floors of `b` that are none of `a` come along with those that are.
+
+    Raises MergeError where it is not certain that, and how, they overlap, or where floors contradict each other.
+    """
     if not a.keyframes or not b.keyframes:
         raise MergeError("a map without keyframes cannot be merged")
-    if len(a.floors) > 1 or len(b.floors) > 1:
-        raise MergeError(
-            "maps of several floors cannot be merged, since each numbers its floors by itself: go on with one of them "
-            "instead (wayfi replay RECORDING --map MAP)"
-        )
+    found = _found_by_floor(a, b, config)
+    best = max(found.values(), key=lambda one: (one.checks, one.places))
+    _refuse_contradiction(found, b, config.merging)
+    floors = numbered(a, b, dict(found.keys()))
+    ties = [tie for one in found.values() for tie in one.ties]
+    building = _joined(a, b, best.T_a_b, ties, floors, config)
+    places, checks = sum(one.places for one in found.values()), sum(one.checks for one in found.values())
+    return Merged(building, best.T_a_b, places, checks, max(one.spread_m for one in found.values()), floors)
+
+
+def _found_by_floor(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> dict[tuple[int, int], _Found]:
+    """What joins the maps, by the floor of `b` and that of `a`. Raises MergeError where nothing does on any floor."""
     by_wifi = config.wifi.enabled and len(a.fingerprints) > 0 and len(b.fingerprints) > 0
+    if not by_wifi and len(a.floors) + len(b.floors) > 2:
+        raise MergeError("the maps have several floors and no WiFi in common: nothing tells which floor is which")
+    like = like_floors(a, b, config.wifi.similarity_sigma_db, config.merging) if by_wifi else {b.floors[0]: a.floors[0]}
+    found, refused = {}, [] if like else [MergeError(NOTHING_ALIKE)]
+    for floor_b, floor_a in like.items():
+        try:
+            found[floor_b, floor_a] = _found(on_floor(a, floor_a), on_floor(b, floor_b), by_wifi, config)
+        except MergeError as error:
+            refused.append(error)
+    if not found:
+        raise refused[0]
+    return found
+
+
+def _refuse_contradiction(found: Mapping[tuple[int, int], _Found], b: BuildingMap, bounds: MergingConfig) -> None:
+    """Raise MergeError where two floors say that the maps lie otherwise."""
+    for (one, first), (other, second) in combinations(found.items(), 2):
+        metres, radians = apart(first.T_a_b, second.T_a_b, b)
+        if metres > bounds.floors_agree_m or radians > bounds.floors_agree_rad:
+            raise MergeError(
+                f"the floors contradict each other: by floor {one[0]} of the second map it lies {metres:.1f} m and "
+                f"{radians:.2f} rad from where floor {other[0]} puts it; {bounds.floors_agree_m:g} m and "
+                f"{bounds.floors_agree_rad:g} rad are allowed"
+            )
+
+
+def _found(a: BuildingMap, b: BuildingMap, by_wifi: bool, config: SlamConfig) -> _Found:
+    """What joins two maps of one floor. Raises MergeError where nothing does for certain."""
     by_laser = config.lidar.enabled and _has_scans(a) and _has_scans(b)
     if not by_wifi and not by_laser:
         raise MergeError("the maps have neither WiFi nor scans in common: nothing tells whether they overlap")
     if not by_wifi:
-        return _merged_by_laser(a, b, config)
+        return _found_by_laser(a, b, config)
     pairs = like_places(a, b, config.wifi.similarity_sigma_db, config.merging)
     overlap = _overlap(pairs, by_laser, config.merging)
-    T = overlap.T_a_b
     if not by_laser:
         ties = _wifi_ties(pairs, overlap, a, b)
-        return Merged(_joined(a, b, T, ties, config), T, overlap.places, 0, overlap.spread_m)
+        return _Found(overlap.T_a_b, ties, overlap.places, 0, overlap.spread_m)
     sigmas = config.merging.wifi_sigma_m, config.merging.wifi_sigma_rad
-    T, spots = _confirmed(a, b, T, sigmas, config.merging.min_checks, config)
-    building = _joined(a, b, T, [_laser_tie(spot) for spot in spots], config)
-    return Merged(building, T, overlap.places, len(spots), _spread_m(b, spots, config.merging))
+    T, spots = _confirmed(a, b, overlap.T_a_b, sigmas, config.merging.min_checks, config)
+    return _Found(
+        T, [_laser_tie(spot) for spot in spots], overlap.places, len(spots), _spread_m(b, spots, config.merging)
+    )
 
 
-def _merged_by_laser(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
+def _found_by_laser(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> _Found:
     """Maps of which one has no WiFi: more is asked of the laser, since buildings repeat."""
     found, bounds = search_overlap(a, b, config), config.merging
     if found is None or found.agreeing < bounds.min_searched or found.agreeing < bounds.min_found * found.searched:
@@ -91,8 +148,7 @@ def _merged_by_laser(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merg
             "on another place; the building repeats, and WiFi could tell"
         )
     T, spots = _confirmed(a, b, found.T_a_b, SEARCHED_SIGMAS, bounds.min_checks_alone, config)
-    building = _joined(a, b, T, [_laser_tie(spot) for spot in spots], config)
-    return Merged(building, T, 0, len(spots), _spread_m(b, spots, bounds))
+    return _Found(T, [_laser_tie(spot) for spot in spots], 0, len(spots), _spread_m(b, spots, bounds))
 
 
 def _has_scans(building: BuildingMap) -> bool:
@@ -103,10 +159,7 @@ def _overlap(pairs: LikePlaces, by_laser: bool, config: MergingConfig) -> Overla
     """Where WiFi puts the one map in the other. Raises MergeError where it does not say so."""
     found = find_overlap(pairs, config)
     if found is None:
-        raise MergeError(
-            "no place of one map sounds like one of the other: they are of different buildings or do not overlap (if "
-            "all access points were replaced, wifi.enabled=false merges by the laser alone)"
-        )
+        raise MergeError(NOTHING_ALIKE)
     least = config.min_places if by_laser else config.wifi_alone_places
     share = float(found.explained.mean())
     if share < config.min_explained:
@@ -191,12 +244,14 @@ def _wifi_tie(n_a: int, n_b: int, similarity: float, sigma_m: float, a: Building
     return Tie(factor, f_a.T_keyframe_base @ f_b.T_keyframe_base.inverse(), covariance, "sounds alike", similarity)
 
 
-def _joined(a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: list[Tie], config: SlamConfig) -> BuildingMap:
+def _joined(
+    a: BuildingMap, b: BuildingMap, T_a_b: Pose2, ties: list[Tie], floors: Mapping[int, int], config: SlamConfig
+) -> BuildingMap:
     """The maps joined by those of the ties that the joined map does not contradict. Raises MergeError without them."""
     optimising = OptimisingConfig(config.backend, config.map, calibration_prior(config.odometry))
     found = len(ties)
     for _ in range(ROUNDS):
-        building = join(a, b, T_a_b, ties, optimising)
+        building = join(a, b, T_a_b, ties, optimising, floors)
         kept = [tie for tie in ties if _chi2(tie, building.poses, len(a.keyframes)) <= config.merging.remove_chi2]
         if len(kept) == len(ties):
             return building

@@ -48,7 +48,7 @@ def merge(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Make one map of two of one building, found by WiFi and confirmed by the laser."""
+    """Make one map of two of one building, floor by floor, found by WiFi and confirmed by the laser."""
     with command_output(quiet, as_json) as output:
         from wayfi.service.maps.merging import merge_maps
 
@@ -60,7 +60,10 @@ def merge(
             f"{second} lies at {T.x:.2f} m, {T.y:.2f} m, {T.theta:.3f} rad in {first}: by WiFi at {merged.places} "
             f"places, by the laser at {merged.checks}, over {merged.spread_m:.0f} m: {out}"
         )
-        result: dict[str, Any] = {**_named(out, found.name), "T_a_b": [T.x, T.y, T.theta]}
+        if len(merged.building.floors) > 1:
+            became = ", ".join(f"{own} is {number}" for own, number in sorted(merged.floors.items()))
+            output.say(f"floors of {second} in {out}: {became}")
+        result: dict[str, Any] = {**_named(out, found.name), "T_a_b": [T.x, T.y, T.theta], "floors": merged.floors}
         output.result(result | {"places": merged.places, "checks": merged.checks, "spread_m": merged.spread_m})
 
 

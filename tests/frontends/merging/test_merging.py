@@ -113,9 +113,3 @@ def test_maps_that_have_nothing_in_common_are_told(first: BuildingMap) -> None:
     empty = replace(first, keyframes=[], poses=np.zeros((0, 3)))
     with pytest.raises(MergeError, match="without keyframes"):
         merge(first, empty, CONFIG)
-
-
-def test_maps_of_several_floors_are_refused(first: BuildingMap, second: BuildingMap) -> None:
-    above = replace(second, keyframes=[replace(k, floor=int(k.path_m > 5.0)) for k in second.keyframes])
-    with pytest.raises(MergeError, match="several floors"):
-        merge(first, above, SlamConfig())

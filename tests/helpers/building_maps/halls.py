@@ -21,6 +21,7 @@ from wayfi.recordings.simulation.surfaces import box
 LENGTH_M, WIDTH_M = 40.0, 24.0
 ACCESS_POINTS = 14
 STEP_M = 1.0
+CEILING_DB, LIMIT_DBM = 18.0, -95.0  # what a ceiling takes, and what no receiver hears
 
 
 def walls(seed: int = 0) -> Floats:
@@ -33,18 +34,31 @@ def walls(seed: int = 0) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hall:
-    """A hall with these walls, and access points that are named `name` and stand at (m, 2) places."""
+    """A hall with these walls, and access points that are named `name` and stand at (m, 2) places.
+
+    `neighbour` is the hall on the next floor, whose access points are heard through the ceiling.
+    """
 
     walls: Floats
     name: str
     places: Floats
+    neighbour: "Hall | None" = None
 
     def heard(self, at: Pose2, rng: np.random.Generator) -> Readings:
         """What a receiver hears at a pose."""
+        own, rssi = self.levels(at, rng)
+        if self.neighbour is not None:
+            others, through = self.neighbour.levels(at, rng)
+            own, rssi = own + others, np.concatenate([rssi, through - CEILING_DB])
+        audible = np.flatnonzero(rssi >= LIMIT_DBM)
+        bssids = tuple(own[k] for k in audible)
+        return Readings(bssids, rssi[audible].astype(np.float32), np.zeros(len(audible), np.float32))
+
+    def levels(self, at: Pose2, rng: np.random.Generator) -> tuple[tuple[str, ...], Floats]:
+        """The access points of this hall, and the level of each at a pose on its floor, dBm."""
         away_m = np.hypot(*(self.places - (at.x, at.y)).T)
         rssi = -40.0 - 25.0 * np.log10(np.maximum(away_m, 1.0)) + 2.0 * rng.standard_normal(len(away_m))
-        bssids = tuple(f"{self.name}:00:00:00:00:{k:02x}" for k in range(len(away_m)))
-        return Readings(bssids, rssi.astype(np.float32), np.zeros(len(away_m), np.float32))
+        return tuple(f"{self.name}:00:00:00:00:{k:02x}" for k in range(len(away_m))), rssi
 
 
 def hall(seed: int = 0, name: str = "aa") -> Hall:
