@@ -3,15 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.pruning import pruned
-from wayfi.frontends.merging.merging import merge
+from wayfi.frontends.merging.merging import merge, place_of
 from wayfi.frontends.slam_config import SlamConfig
-
-ARM_M = 1.0  # of keyframes that tell a heading by their positions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,15 +46,7 @@ def common_map(parts: Mapping[str, BuildingMap], config: SlamConfig) -> CommonMa
             del waiting[name]
             left_out.pop(name, None)
     poses = {name: building.poses[k : k + len(parts[name].keyframes)] for name, k in begins.items()}
-    places = {name: _place(parts[name].poses, joined) for name, joined in poses.items()}
+    places = {name: place_of(parts[name].poses, joined) for name, joined in poses.items()}
     first = len(parts[root].keyframes)
     kept = pruned(building, config.pruning, config.lidar.visibility, config.map, first)
     return CommonMap(kept, poses, places, left_out)
-
-
-def _place(own: Floats, joined: Floats) -> Pose2:
-    """Where the frame of a part lies in the joined map, by the poses of its keyframes in both."""
-    source, target = own[:, :2], joined[:, :2]
-    if np.hypot(*(source - source.mean(axis=0)).T).mean() < ARM_M:
-        return Pose2.of(joined[-1]) @ Pose2.of(own[-1]).inverse()
-    return rigid_fit(source, target)

@@ -13,8 +13,9 @@ import numpy as np
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.graph.factors import BetweenFactor, NearFactor
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
 from wayfi.frontends.closures.lidar_check import Expected, innovation_chi2
+from wayfi.frontends.maps.aligning import moved
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.maps.joining import Tie, join
 from wayfi.frontends.maps.merging_config import MergingConfig
@@ -30,6 +31,7 @@ UNCLAIMED_RAD = 30.0  # the sigma of a heading that is not claimed: five turns
 TIE_SIGMAS = (0.2, 0.02)  # m and rad: of what the laser has found at many places, from which it looks once more
 SEARCHED_SIGMAS = (0.4, 0.05)  # m and rad: of a search in cells of 0.2 m
 ROUNDS = 3  # of leaving out ties that the joined map contradicts
+ARM_M = 1.0  # of keyframes that tell a heading by their positions
 MOST_LEFT_OUT = 0.2  # of the ties: more say that the maps do not belong together
 NOTHING_ALIKE = (
     "no place of one map sounds like one of the other: they are of different buildings or do not overlap (if all "
@@ -80,9 +82,23 @@ def merge(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> Merged:
     _refuse_contradiction(found, b, config.merging)
     floors = numbered(a, b, dict(found.keys()))
     ties = [tie for one in found.values() for tie in one.ties]
-    building = _joined(a, b, best.T_a_b, ties, floors, config)
+    building = _in_frame_of(a, _joined(a, b, best.T_a_b, ties, floors, config), config)
     places, checks = sum(one.places for one in found.values()), sum(one.checks for one in found.values())
     return Merged(building, best.T_a_b, places, checks, max(one.spread_m for one in found.values()), floors)
+
+
+def place_of(own: Floats, joined: Floats) -> Pose2:
+    """Where the frame of a map lies in a joined one, by the poses (n, 3) of its keyframes in both, as they fit best."""
+    source, target = own[:, :2], joined[:, :2]
+    if np.hypot(*(source - source.mean(axis=0)).T).mean() < ARM_M:
+        return Pose2.of(joined[-1]) @ Pose2.of(own[-1]).inverse()
+    return rigid_fit(source, target)
+
+
+def _in_frame_of(a: BuildingMap, joined: BuildingMap, config: SlamConfig) -> BuildingMap:
+    """The joined map with the keyframes of `a` where they were: the graph holds the first, around which others turn."""
+    T_joined_a = place_of(a.poses, joined.poses[: len(a.keyframes)])
+    return moved(joined, T_joined_a.inverse(), config.map)
 
 
 def _found_by_floor(a: BuildingMap, b: BuildingMap, config: SlamConfig) -> dict[tuple[int, int], _Found]:

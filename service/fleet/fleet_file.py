@@ -18,7 +18,10 @@ class FleetFileError(WayfiError):
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A map of a robot's run; `T_common_map` is where its frame lies (x, y m, theta rad), None where `why` tells."""
+    """A map of a robot's run; `T_common_map` is where its frame lies (x, y m, theta rad), None where `why` tells.
+
+    `settled_in` is the version of the settled map that holds it once and for all, 0 while it is joined anew each time.
+    """
 
     robot: str
     run: str
@@ -26,6 +29,7 @@ class Member:
     map_version: int
     T_common_map: tuple[float, float, float] | None
     why: str = ""
+    settled_in: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,5 +72,5 @@ def _member(found: dict[str, object]) -> Member:
         place = (x, y, theta)
     return Member(
         str(found["robot"]), str(found["run"]), str(found["map_id"]), int(str(found["map_version"])), place,
-        str(found["why"]),
+        str(found["why"]), int(str(found.get("settled_in", 0))),
     )  # fmt: skip

@@ -54,7 +54,7 @@ def _mirror(
     if kept is not None and (kept.name, kept.files) == (wanted.name, wanted.files):
         shutil.rmtree(staged)
         return None
-    there = kept.files if kept else {}
+    there = {name: checksum for name, checksum in kept.files.items() if (folder / name).exists()} if kept else {}
     missing = {name: checksum for name, checksum in wanted.files.items() if there.get(name) != checksum}
     _forget_others(staged, missing, wanted)
     for name, checksum in missing.items():

@@ -36,9 +36,10 @@ class MergingError(WayfiError):
 
 
 class MergingDaemon:
-    """Looks for new maps every `fleet_every_s`, and joins all of them, in a process of its own, where one has changed.
+    """Looks for new maps every `fleet_every_s`, and joins them, in a process of its own, where one has changed.
 
-    What was fetched stays in `recording.directory`, also of robots that have left, and is joined again after a restart.
+    What was fetched stays in `recording.directory`, also of robots that have left. A run that has ended is joined for
+    good; the newest of each robot is joined to that, anew each time.
     """
 
     def __init__(self, config: Config, session: zenoh.Session, log: LogLines, stop: StopSignal) -> None:
@@ -125,7 +126,7 @@ class MergingDaemon:
     def _publish(self) -> None:
         """Publish the common map, if there is one, and which maps are part of it."""
         name, fleet = name_of_map(self._directory / MAP), self._fleet()
-        for member in fleet.members:
+        for member in _unsettled(fleet):
             self._tell(f"{member.robot}/{member.run}", member.why or "joined")
         if name is not None:
             self._map.put(grid_message(self._directory / MAP, self._config.map, self._config.frames))
@@ -158,9 +159,14 @@ class MergingDaemon:
 def _status(fleet: Fleet, map_id: str) -> Status:
     joined = [member for member in fleet.members if member.T_common_map]
     values = {"map": map_id, "maps": str(len(fleet.members)), "joined": str(len(joined))}
-    values |= {f"member.{m.robot or '(no prefix)'}/{m.run}": _text(m) for m in fleet.members}
+    values |= {f"member.{m.robot or '(no prefix)'}/{m.run}": _text(m) for m in _unsettled(fleet)}
     level = OK if len(joined) == len(fleet.members) else WARN
     return Status(level, f"{len(joined)} of {len(fleet.members)} maps are joined", values)
+
+
+def _unsettled(fleet: Fleet) -> list[Member]:
+    """The members that may change; the others become more from day to day."""
+    return [member for member in fleet.members if not member.settled_in]
 
 
 def _text(member: Member) -> str:

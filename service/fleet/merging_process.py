@@ -6,7 +6,8 @@ DIRECTORY/map, with the settings in DIRECTORY/config.toml.
 
 import os
 import sys
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,68 +22,66 @@ from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.map.loading import LoadedMap, load_map
 from wayfi.recordings.map.saving import name_of_map, save_map
 from wayfi.service.config import Config, load_config
-from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, Member, read_fleet
-from wayfi.service.fleet.robot_folders import CONFIG, MAP, mirrored
+from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, read_fleet
+from wayfi.service.fleet.parts import Part
+from wayfi.service.fleet.robot_folders import CONFIG, MAP, SETTLED, mirrored
+from wayfi.service.fleet.settled import Settled, forget_copies, read_settled, settle
 
 NICENESS = 5  # what the robots ask comes first
+TRIED_AGAIN = 2  # runs of a robot before its newest that could not be joined so far: another robot may tie them in yet
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """A robot's map as it is joined; `T_map_part` is where the frame of what is joined lies in that of the map."""
-
-    robot: str
-    run: str
-    loaded: LoadedMap
-    building: BuildingMap
-    T_map_part: Pose2 = Pose2()
-
-    @property
-    def name(self) -> str:
-        """Of this map among the fleet's."""
-        return f"{self.robot}/{self.run}"
-
-    def member(self, T_common_part: Pose2 | None, why: str = "") -> Member:
-        """How this map lies in the common one, or why it does not."""
-        place = tuple(map(float, (T_common_part @ self.T_map_part.inverse()).array())) if T_common_part else None
-        return Member(self.robot, self.run, self.loaded.map_id, self.loaded.map_version, place, why)  # type: ignore[arg-type]
+Copy = tuple[str, str, Path]  # robot, run, folder
 
 
 def join_maps(directory: Path, config: Config) -> Fleet:
     """Join the maps of the robots below `directory`, and save the common map there; returns what it is made of.
 
-    Raises MapError where it cannot be saved.
+    The runs that have ended are settled, and never joined again. Raises MapError where a map cannot be saved.
     """
-    parts = _parts(directory, config)
-    if not parts:
+    former, settled = _former(directory / MAP), read_settled(directory)
+    parts = _parts(directory, former, settled, config)
+    settled, parts = settle(directory, settled, parts, former, config)
+    maps = {part.name: part.building for part in parts}
+    if settled.building is not None:
+        maps = {SETTLED: settled.building} | maps
+    if not maps:
         return Fleet()
-    common = common_map({part.name: part.building for part in parts}, config)
+    common = common_map(maps, config)
     members = [part.member(common.places.get(part.name), common.left_out.get(part.name, "")) for part in parts]
-    fleet = Fleet(tuple(members))
+    fleet = Fleet((*settled.members, *members))
     save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP))
     write_text(directory / MAP / FLEET, fleet.to_json())
+    forget_copies(directory, settled)
     return fleet
 
 
-def _parts(directory: Path, config: Config) -> list[Part]:
-    """The maps that can be joined: those that the common one is made of first, in their order, then by their age."""
-    loaded = [(robot, run, _loaded(folder)) for robot, run, folder in mirrored(directory)]
+def _parts(directory: Path, former: Fleet, settled: Settled, config: Config) -> list[Part]:
+    """The maps that are not settled: those that the common one is made of first, in their order, then by their age."""
+    joined = [f"{member.robot}/{member.run}" for member in former.members if member.T_common_map]
+    order = {name: number for number, name in enumerate(joined)}
+    live = [each for each in mirrored(directory) if not settled.holds(*each)]
+    loaded = [(robot, run, _loaded(folder)) for robot, run, folder in _tried(live, joined)]
     parts = [Part(robot, run, one, one.building) for robot, run, one in loaded if one and one.building.keyframes]
-    former = [f"{member.robot}/{member.run}" for member in _former(directory).members if member.T_common_map]
-    order = {name: number for number, name in enumerate(former)}
     parts.sort(key=lambda p: (order.get(p.name, len(order)), p.building.keyframes[0].stamp_ns, p.name))
-    seen: set[str] = set()
-    joined = []
+    common = name_of_map(directory / MAP)
+    seen = {member.map_id for member in settled.members if member.T_common_map} | ({common.map_id} if common else set())
+    own = []
     for part in parts:
-        joined.append(_own(part, config) if part.loaded.map_id in seen else part)
+        own.append(_own(part, config) if part.loaded.map_id in seen else part)
         seen.add(part.loaded.map_id)
-    return joined
+    return own
 
 
-def _former(directory: Path) -> Fleet:
+def _tried(live: Sequence[Copy], joined: Collection[str]) -> list[Copy]:
+    """The copies of maps that were joined before, and of each robot's others the newest few."""
+    newer = {(robot, run): sum(other == robot and later > run for other, later, _ in live) for robot, run, _ in live}
+    return [each for each in live if f"{each[0]}/{each[1]}" in joined or newer[each[:2]] <= TRIED_AGAIN]
+
+
+def _former(folder: Path) -> Fleet:
     """What the common map was made of so far; nothing, with a line, where that file is damaged."""
     try:
-        return read_fleet(directory / MAP)
+        return read_fleet(folder)
     except FleetFileError as error:
         sys.stderr.write(f"wayfi: {error}\n")
         return Fleet()

@@ -1,4 +1,7 @@
-"""The directory of a merging daemon: robots/ROBOT/RUN holds a copy of a robot's map, map the common one."""
+"""The directory of a merging daemon: robots/ROBOT/RUN holds a copy of a robot's map, map the common one.
+
+What has been joined once and for all is in `settled`; of its copies the manifest alone is kept.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,7 +10,7 @@ from urllib.parse import quote, unquote
 from wayfi.recordings.files.map_folder import MANIFEST
 from wayfi.recordings.files.replaced_together import current
 
-ROBOTS, MAP, CONFIG = "robots", "map", "config.toml"
+ROBOTS, MAP, SETTLED, CONFIG = "robots", "map", "settled", "config.toml"
 UNNAMED = "(no prefix)"  # of a robot; no encoded name has a space
 
 

@@ -9,7 +9,7 @@ import zenoh
 from building_maps.rounds import round_map
 from live.loopback import endpoint
 
-from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError
+from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError, delete_map
 from wayfi.recordings.map.loading import load_map
 from wayfi.recordings.map.manifest import MapName, checksum_of, manifest_text, read_manifest
 from wayfi.recordings.map.saving import STAGED, name_of_map, save_map
@@ -109,3 +109,14 @@ def test_nothing_but_the_files_of_maps_is_served(served: Served) -> None:
     assert list(found(served.session, f"{KEY}/run/secret.txt")) == []
     assert list(found(served.session, f"{KEY}/other/{MANIFEST}")) == []
     assert [key for key, _ in found(served.session, f"{KEY}/run/{MANIFEST}")] == [f"{KEY}/run/{MANIFEST}"]
+
+
+def test_a_copy_of_which_the_manifest_alone_was_kept_is_fetched_whole_once_there_is_a_new_version(
+    served: Served,
+) -> None:
+    served.mirror()
+    delete_map(served.copy, [MANIFEST])
+    assert served.mirror() is None
+    save_map(served.folder, round_map(), former=name_of_map(served.folder))
+    assert served.mirror().map_version == 2
+    assert load_map(served.copy).warnings == ()
