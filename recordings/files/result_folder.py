@@ -51,18 +51,27 @@ class ResultFolder:
         self._kept = {each.resolve() for each in kept}
         try:
             _refuse_obstacles(path)
-            was_interrupted = bool(why_not_whole(path))
-            self.staged.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(self.staged)
-            _delete(files_of_a_run(self.staged))
-            if was_interrupted:
-                _delete(self._old())
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = _lock(path)
+            self._begin()
         except OSError as error:
             raise ResultError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
         is_first = not self._old()
         self.log = (path if is_first else self.staged) / LOG
         if is_first:
             self._kept.add(self.log.resolve())
+
+    def _begin(self) -> None:
+        """Delete what an interrupted run has left; only whoever has the lock can tell that it was one."""
+        try:
+            was_interrupted = bool(why_not_whole(self.path))
+            self.staged.mkdir(exist_ok=True)
+            _delete(files_of_a_run(self.staged))
+            if was_interrupted:
+                _delete(self._old())
+        except OSError:
+            os.close(self._lock)
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -158,7 +167,9 @@ def _lock(folder: Path) -> int:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(lock)
-        raise ResultError(f"{folder.parent}: another run is writing its results there") from None
+        raise ResultError(
+            f"{folder}: another run is writing its results there; wait for its end, or name another folder"
+        ) from None
     return lock
 
 

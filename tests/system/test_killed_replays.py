@@ -70,3 +70,17 @@ def test_a_killed_replay_leaves_what_was_logged(whole: Path, tmp_path: Path, sen
     assert (process.returncode, "Traceback" in error) == (code, False), error
     wait_until_still(rrd)  # the process that logs ends the file after the one that was killed
     assert logged_poses(rrd) > 5
+
+
+def test_of_two_replays_at_once_the_second_is_refused_until_the_first_has_died(whole: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "wayfi.service.cli", "replay", str(whole), "--out", str(tmp_path)]
+    with subprocess.Popen([*command, "--rate", "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as first:
+        while not (tmp_path / "partial").exists():
+            assert first.poll() is None
+            time.sleep(0.02)
+        second = subprocess.run([*command, "--quiet"], capture_output=True, text=True, timeout=60, check=False)
+        first.kill()
+    told = f"wayfi: {tmp_path}: another run is writing its results there; wait for its end, or name another folder\n"
+    assert (second.returncode, second.stderr) == (1, told)
+    third = subprocess.run([*command, "--no-rrd", "--quiet"], capture_output=True, text=True, timeout=60, check=False)
+    assert (third.returncode, (tmp_path / "report.json").exists()) == (0, True), third.stderr

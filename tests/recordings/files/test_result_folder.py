@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from wayfi.recordings.files import result_folder
 from wayfi.recordings.files.map_folder import MANIFEST, WHOLE_FILES
 from wayfi.recordings.files.replaced_together import current
 from wayfi.recordings.files.result_folder import (
@@ -171,6 +172,24 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path: Path) -> None:
             ResultFolder(tmp_path)
         fill(results.staged, "first", ("report.json",))
     assert contents(tmp_path) == dict.fromkeys(("report.json", "session.rrd"), "first")
+
+
+def test_a_run_that_ends_as_another_begins_keeps_its_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other finds no results yet, and those of the first a moment later."""
+    first = ResultFolder(tmp_path)
+    fill(first.staged, "first")
+    true_lock = result_folder._lock
+
+    def end_first(folder: Path) -> int:
+        monkeypatch.setattr(result_folder, "_lock", true_lock)
+        first.__exit__(None, None, None)
+        return true_lock(folder)
+
+    monkeypatch.setattr(result_folder, "_lock", end_first)
+    with suppress(Killed), ResultFolder(tmp_path):
+        assert contents(tmp_path) == dict.fromkeys(WRITTEN, "first")
+        raise Killed
+    assert contents(tmp_path) == dict.fromkeys(WRITTEN, "first")
 
 
 @pytest.mark.parametrize("in_the_way", ["", "map", PARTIAL])
