@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
-from wayfi.frontends.events import GridRedrawn
+from wayfi.frontends.event_making import grid_event
 from wayfi.frontends.radio.radio_map import AccessPoint, RadioMap
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.stream import RerunStream, flip_y
@@ -33,7 +33,7 @@ def write_radio_log(path: Path, radio: RadioMap, grid: OccupancyGrid) -> None:
     stream.open(config, path, serve=False, blueprint=_blueprint(radio))
     stream.log_static("/map", flip_y())
     view = GridView(stream, config)
-    view.on_grid(GridRedrawn(0, grid.probability(), grid.resolution_m, grid.origin_xy_m))
+    view.on_grid(grid_event(0, grid))
     view.draw_last()
     _log_levels(stream, "/map/coverage", radio, radio.best()[1])
     for ap in radio.access_points:

@@ -59,7 +59,7 @@ class Daemon:
             loop = MainLoop(self._config, self._calibration, self._folder, self._publishers, self._log, self._known)
             self._loop = opened.enter_context(loop)
             key = keyframes_key(self._config.zenoh)
-            opened.enter_context(MapServer(self._session, key, self._folder.maps_served))
+            opened.enter_context(MapServer(self._session, key, self._folder.maps_served, self._log))
             known_id = self._known.map_id if self._known else ""
             opened.enter_context(
                 CommonPlace(self._session, self._config, self._folder.path, self._publishers, self._log, known_id)

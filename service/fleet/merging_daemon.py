@@ -70,7 +70,7 @@ class MergingDaemon:
             self._map = opened.enter_context(LatestValue(grid.put))
             self._status = opened.enter_context(LatchedPublisher(self._session, self._key("wayfi/status"), dropping))
             folders = {COMMON_MAP: self._directory / MAP}
-            opened.enter_context(MapServer(self._session, common_key(self._config.zenoh), lambda: folders))
+            opened.enter_context(MapServer(self._session, common_key(self._config.zenoh), lambda: folders, self._log))
             opened.enter_context(self._session.liveliness().declare_token(self._key(ALIVE)))
             self._publish()
             self._log.info("ready", listen=",".join(self._config.zenoh.listen), directory=self._directory)

@@ -22,6 +22,7 @@ from wayfi.service.config import SecurityConfig, ZenohConfig, load_config
 from wayfi.service.fleet.keys import COMMON, KEYFRAMES, everywhere
 from wayfi.service.fleet.map_mirror import found
 from wayfi.service.fleet.map_server import MapServer
+from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.output_messages import OK, Status, status_message
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.zenoh_session import RefusedError, key_of, open_guest_session, open_session
@@ -133,10 +134,10 @@ def test_the_station_fetches_every_robots_map_and_a_robot_only_the_common_one(fl
         fleet.guest("robot-a") as a,
         fleet.guest("robot-b") as b,
         fleet.guest("station") as station,
-        MapServer(a, "robot-a/wayfi/keyframes", lambda: {"run": tmp_path / "a"}),
-        MapServer(b, "robot-b/wayfi/keyframes", lambda: {"run": tmp_path / "b"}),
-        MapServer(b, "robot-b/wayfi/common", lambda: {"map": tmp_path / "b"}),  # which it may not serve
-        MapServer(station, "station/wayfi/common", lambda: {"map": tmp_path / "common"}),
+        MapServer(a, "robot-a/wayfi/keyframes", lambda: {"run": tmp_path / "a"}, LogLines()),
+        MapServer(b, "robot-b/wayfi/keyframes", lambda: {"run": tmp_path / "b"}, LogLines()),
+        MapServer(b, "robot-b/wayfi/common", lambda: {"map": tmp_path / "b"}, LogLines()),  # which it may not serve
+        MapServer(station, "station/wayfi/common", lambda: {"map": tmp_path / "common"}, LogLines()),
     ):
         theirs = {f"robot-{name}/wayfi/keyframes/run/{MANIFEST}" for name in "ab"}
         eventually(lambda: set(maps(station, everyones)) == theirs)

@@ -13,9 +13,11 @@ from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError, del
 from wayfi.recordings.map.loading import load_map
 from wayfi.recordings.map.manifest import MapName, checksum_of, manifest_text, read_manifest
 from wayfi.recordings.map.saving import STAGED, name_of_map, save_map
+from wayfi.service.blackbox.run_folder import RunFolder
 from wayfi.service.config import ZenohConfig
 from wayfi.service.fleet.map_mirror import FetchError, found, mirror
 from wayfi.service.fleet.map_server import MapServer
+from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.zenoh_session import open_session
 
 KEY = "robot1/wayfi/keyframes"
@@ -40,7 +42,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     with (
         open_session(ZenohConfig(listen=[where])) as server,
         open_session(ZenohConfig(mode="client", connect=[where])) as client,
-        MapServer(server, KEY, lambda: {"run": tmp_path / "map"}),
+        MapServer(server, KEY, lambda: {"run": tmp_path / "map"}, LogLines()),
     ):
         yield Served(client, tmp_path)
 
@@ -120,3 +122,23 @@ def test_a_copy_of_which_the_manifest_alone_was_kept_is_fetched_whole_once_there
     save_map(served.folder, round_map(), former=name_of_map(served.folder))
     assert served.mirror().map_version == 2
     assert load_map(served.copy).warnings == ()
+
+
+def test_where_the_runs_cannot_be_listed_the_answer_is_an_error_and_the_log_says_so_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, where = tmp_path / "runs", endpoint()
+    save_map(runs / "run" / "map", round_map())
+    folder = RunFolder(runs / "run", None, 0)
+    with (
+        open_session(ZenohConfig(listen=[where])) as server,
+        open_session(ZenohConfig(mode="client", connect=[where])) as client,
+        MapServer(server, KEY, folder.maps_served, LogLines()),
+    ):
+        asked = f"**/wayfi/keyframes/*/{MANIFEST}"
+        runs.rename(tmp_path / "gone")
+        told = [reply.err.payload.to_string() for _ in range(2) for reply in client.get(asked, timeout=10.0)]
+        (tmp_path / "gone").rename(runs)
+        assert len(list(found(client, asked))) == 1
+    assert told == [f"{runs}: cannot be listed: No such file or directory; no map is served"] * 2
+    assert capsys.readouterr().err.count("cannot be listed") == 1
