@@ -51,11 +51,6 @@ class SearchResult:
     complete: bool
     poses: int
 
-    @property
-    def rivalry(self) -> float:
-        """The second best score in shares of the best: near 1 the map has look-alikes; 0 without a second place."""
-        return self.places[1].score / self.places[0].score if len(self.places) > 1 else 0.0
-
 
 class MapSearch:
     """Searches a floor, one `begin` after the other; what it compares with is built on the way of the first one."""
