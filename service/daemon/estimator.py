@@ -15,7 +15,7 @@ from typing import Any
 from wayfi.backend.errors import WayfiError
 from wayfi.frontends.closures.vetoes import VetoError
 from wayfi.frontends.event_making import grid_event
-from wayfi.frontends.events import Event, FloorChanged, GridRedrawn, PosePublished, StateChanged, Warned
+from wayfi.frontends.events import Event, FloorChanged, GridRedrawn, KeyframeAdded, PosePublished, StateChanged, Warned
 from wayfi.recordings.files.map_files import write_grid
 from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.files.result_folder import MAP
@@ -46,7 +46,8 @@ from wayfi.service.process.compilation import watch_compilation
 from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
 
-MAP_EVERY = 5  # checkpoints: a minute or two, in which saving takes less than a hundredth of the time
+MAP_KEYFRAMES = 30  # new ones, for which the map is saved: 15 m, half a minute of driving; a save takes 0.05 s
+MAP_GROWN = 0.03  # of its keyframes, which are new, in a large map: what a save costs is by what was added
 NICENESS = 5  # the daemon's poses come first
 PR_SET_PDEATHSIG = 1
 REPORTED = (StateChanged, FloorChanged, Warned)
@@ -66,6 +67,7 @@ class Estimator:
         self._begun_s = time.monotonic()
         self._warnings: list[str] = []
         self._reported_drops = 0
+        self._new_keyframes, self._worth_saving = 0, MAP_KEYFRAMES
         self._log = LiveLog(start.config.rerun, start.folder, self._warnings.append)
         self._live, self._ready = self._begin(start)
         self._begin_part_if_due()
@@ -127,7 +129,7 @@ class Estimator:
         self._outgoing.send(reply)
 
     def _checkpoint(self, number: int) -> None:
-        if number % MAP_EVERY == 0:
+        if self._new_keyframes:  # a robot that stands has its last metres saved as well; a checkpoint takes longer
             self._save_map()
         try:
             write_checkpoint(self._folder, number, self._live.checkpoint(number))
@@ -136,9 +138,11 @@ class Estimator:
 
     def _save_map(self) -> None:
         """Save what the map has become since the last time, so that a daemon that is killed leaves a map."""
+        self._new_keyframes = 0
         made = self._live.drive.pipeline.made_map()
         if made is None:
             return
+        self._worth_saving = max(MAP_KEYFRAMES, round(MAP_GROWN * len(made.keyframes)))
         try:
             with self._live.drive.timer("files"):
                 self._saver_of(self._live).save(made)
@@ -169,6 +173,9 @@ class Estimator:
         if update != Update():
             self._outgoing.send(update)
         drive.show(events)
+        self._new_keyframes += sum(isinstance(event, KeyframeAdded) for event in events)
+        if self._new_keyframes >= self._worth_saving:
+            self._save_map()
         self._begin_part_if_due()
 
     def _write_map(self, drawn: GridRedrawn) -> None:

@@ -12,7 +12,8 @@ from wayfi.recordings.map.loading import LoadedMap, load_map
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.service.config import Config, load_config
-from wayfi.service.daemon.estimator import MAP_EVERY, Estimator
+from wayfi.service.daemon import estimator
+from wayfi.service.daemon.estimator import Estimator
 from wayfi.service.daemon.estimator_messages import Finish, Save, Saved, Start, Written
 from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.transport.message_queue import Received
@@ -58,16 +59,16 @@ def checkpoint(number: int) -> ControlRecord:
 
 
 def test_the_map_grows_as_one_and_the_drive_is_as_if_none_was_saved(
-    messages: list[Received], config: Config, tmp_path: Path
+    messages: list[Received], config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     third, saved = len(messages) // 3, []
     first, second, last = messages[:third], messages[third : 2 * third], messages[2 * third :]
-    items = [*first, checkpoint(MAP_EVERY), *second, checkpoint(2 * MAP_EVERY), Save(), *last, END]
+    items = [*first, checkpoint(1), *second, checkpoint(2), Save(), *last, END]
     for name in ("saving", "plain"):
         (tmp_path / name).mkdir()
-    plain = [*first, checkpoint(1), *second, checkpoint(2), *last, END]
     assert not estimate(tmp_path / "saving", config, items, saved).error
-    assert not estimate(tmp_path / "plain", config, plain).error
+    monkeypatch.setattr(Estimator, "_save_map", lambda _: None)
+    assert not estimate(tmp_path / "plain", config, [item for item in items if not isinstance(item, Save)]).error
     end = load_map(tmp_path / "saving")
     assert [each.warnings for each in (*saved, end)] == [(), ()]
     assert [each.map_version for each in (*saved, end)] == [3, 4]
@@ -77,8 +78,19 @@ def test_the_map_grows_as_one_and_the_drive_is_as_if_none_was_saved(
         assert (tmp_path / "saving" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
 
 
+def test_the_map_is_saved_for_so_many_new_keyframes_and_no_more_for_a_robot_that_stands(
+    messages: list[Received], config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(estimator, "MAP_KEYFRAMES", 5)
+    assert not estimate(tmp_path, config, [*messages, checkpoint(1), checkpoint(2), END]).error
+    end = load_map(tmp_path)
+    full, over = divmod(len(end.building.keyframes), 5)
+    assert full > 2
+    assert end.map_version == full + (over > 0) + 1
+
+
 def test_a_drive_without_a_keyframe_has_no_map_on_the_way(config: Config, tmp_path: Path) -> None:
-    assert not estimate(tmp_path, config, [checkpoint(MAP_EVERY), END]).error
+    assert not estimate(tmp_path, config, [checkpoint(1), END]).error
     assert load_map(tmp_path).building.keyframes == []
 
 
@@ -86,5 +98,5 @@ def test_a_map_that_cannot_be_saved_on_the_way_stops_nothing(
     messages: list[Received], config: Config, tmp_path: Path
 ) -> None:
     (tmp_path / "map").write_text("in the way")
-    written = estimate(tmp_path, config, [*messages[:400], checkpoint(MAP_EVERY), *messages[400:500], END])
+    written = estimate(tmp_path, config, [*messages[:400], checkpoint(1), *messages[400:500], END])
     assert "map: cannot be written" in written.error
