@@ -6,41 +6,40 @@ from typing import Annotated, Any
 
 import typer
 
-from wayfi.service.cli.options import Files, Json, Quiet, Settings, command_output, configuration
+from wayfi.service.cli.options import Files, Settings, command, configuration
+from wayfi.service.process.console import Output
 
 
+@command
 def radio(
+    output: Output,
     path: Annotated[Path, typer.Argument(help="Folder of a saved map, or of the replay that made it.")],
     out: Annotated[Path, typer.Option(help="Folder for tables, GeoTIFF and picture; made if need be.")],
     floor: Annotated[int, typer.Option(help="The floor of the map.")] = 0,
     config: Files = None,
     settings: Settings = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
 ) -> None:
     """Map the radio of a building: each access point's level and place, and what all of them cover."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its matrices are small: threads only wait for each other
-    with command_output(quiet, as_json) as output:
-        from wayfi.frontends.radio.radio_map import radio_map
-        from wayfi.recordings.map.loading import load_map
-        from wayfi.recordings.radio.writing import write_radio_map
-        from wayfi.recordings.rerun.radio_log import write_radio_log
-        from wayfi.recordings.rerun.viewer import RADIO_LOG
+    from wayfi.frontends.radio.radio_map import radio_map
+    from wayfi.recordings.map.loading import load_map
+    from wayfi.recordings.radio.writing import write_radio_map
+    from wayfi.recordings.rerun.radio_log import write_radio_log
+    from wayfi.recordings.rerun.viewer import RADIO_LOG
 
-        chosen = configuration(config, settings).radio
-        loaded = load_map(path)
-        for warning in loaded.warnings:
-            output.say(f"warning: {warning}")
-        with output.progress(f"radio {path}") as progress:
-            made = radio_map(loaded.building, chosen, floor, progress)
-            grid = loaded.building.grid_of(floor)
-            write_radio_map(out, made, grid)
-            write_radio_log(out / RADIO_LOG, made, grid)
-        found = _summary(made)
-        for line in _lines(found):
-            output.say(line)
-        output.say(f"{out / 'radio.png'}; wayfi view {out}")
-        output.result({"out": str(out), **found, "warnings": list(loaded.warnings)})
+    chosen = configuration(config, settings).radio
+    loaded = load_map(path)
+    output.warn(loaded.warnings)
+    with output.progress(f"radio {path}") as progress:
+        made = radio_map(loaded.building, chosen, floor, progress)
+        grid = loaded.building.grid_of(floor)
+        write_radio_map(out, made, grid)
+        write_radio_log(out / RADIO_LOG, made, grid)
+    found = _summary(made)
+    for line in _lines(found):
+        output.say(line)
+    output.say(f"{out / 'radio.png'}; wayfi view {out}")
+    output.result({"out": str(out), **found, "warnings": list(loaded.warnings)})
 
 
 def _summary(made: Any) -> dict[str, Any]:  # noqa: ANN401 - a RadioMap; importing it here would slow `wayfi --help`
