@@ -2,12 +2,15 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wayfi.service.cli.options import Files, Settings, command, configuration
 from wayfi.service.process.console import Output
+
+if TYPE_CHECKING:
+    from wayfi.frontends.radio.radio_map import RadioMap
 
 
 @command
@@ -42,14 +45,15 @@ def radio(
     output.result({"out": str(out), **found, "warnings": list(loaded.warnings)})
 
 
-def _summary(made: Any) -> dict[str, Any]:  # noqa: ANN401 - a RadioMap; importing it here would slow `wayfi --help`
+def _summary(made: "RadioMap") -> dict[str, Any]:
     """The figures of a radio map."""
     from wayfi.frontends.radio.radio_map import Standing
     from wayfi.recordings.radio.picture import KNOWN_M
 
     sigmas = [ap.sigmas_m[0] for ap in made.access_points if ap.sigmas_m]
     standing = {kind.name.lower(): sum(ap.standing is kind for ap in made.access_points) for kind in Standing}
-    told = [{"bssid": ap.bssids[0], "why": ap.standing.value} for ap in made.access_points if _is_told(ap)]
+    elsewhere = Standing.MOVED, Standing.CARRIED
+    told = [{"bssid": ap.bssids[0], "why": ap.standing.value} for ap in made.access_points if ap.standing in elsewhere]
     return {
         "bssids": sum(len(ap.bssids) for ap in made.access_points),
         "access_points": len(made.access_points),
@@ -61,10 +65,6 @@ def _summary(made: Any) -> dict[str, Any]:  # noqa: ANN401 - a RadioMap; importi
         "holes_square_metres": round(int(made.holes().sum()) * made.cells.cell_m**2),
         "told": told,
     }
-
-
-def _is_told(ap: Any) -> bool:  # noqa: ANN401 - an AccessPoint
-    return ap.standing.name in ("MOVED", "CARRIED")
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
