@@ -15,7 +15,7 @@ demo: $(VENV)/compiled
 	$(BIN)/wayfi demo
 
 test: check $(VENV)/compiled
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 check: $(VENV)/installed
 	$(BIN)/ruff check .

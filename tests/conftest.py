@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,6 +16,31 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 from drives import Replayed, Simulated, replay_by_cli, simulated
 from live.loopback import Authority, secret
 from places import REAL_DATA
+
+if TYPE_CHECKING:
+    from xdist.remote import Producer
+    from xdist.scheduler import LoadFileScheduling
+
+LIVE = tuple(f"tests/{part}" for part in ("service/daemon/", "service/fleet/", "service/transport/", "service/replay/"))
+LONG = ("tests/system/", "tests/laws/")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest, so that no worker waits for it at the end."""
+    items.sort(key=lambda item: (not item.nodeid.startswith(LIVE), not item.nodeid.startswith(LONG)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: "Producer") -> "LoadFileScheduling":
+    """Each file is the work of one worker; sessions, daemons and their clocks are all one work, so that none meet."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "live" if nodeid.startswith(LIVE) else super()._split_scope(nodeid)
+
+    config.option.loadscopereorder = False  # or it begins with the file of most tests
+    return Scheduling(config, log)
 
 
 @pytest.fixture(scope="session")

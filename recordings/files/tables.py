@@ -1,7 +1,6 @@
 """closures.csv and radio.csv: the tables of a replay."""
 
 import csv
-import io
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Verdict
-from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.atomic_files import write_csv
 from wayfi.recordings.files.tum import seconds_text
 
 CLOSURE_COLUMNS = [
@@ -65,7 +64,7 @@ class RadioPlace:
 def write_closures(path: Path, verdicts: Iterable[ClosureJudged]) -> None:
     """Write a row for each candidate, in order of appearance, with the last verdict on it. Raises OSError."""
     last = {verdict.closure: verdict for verdict in verdicts}
-    _write_table(path, CLOSURE_COLUMNS, (_closure_fields(verdict) for verdict in last.values()))
+    write_csv(path, CLOSURE_COLUMNS, (_closure_fields(verdict) for verdict in last.values()))
 
 
 def read_closures(path: Path) -> list[ClosureRow]:
@@ -96,15 +95,7 @@ def closure_row(verdict: ClosureJudged) -> ClosureRow:
 
 def write_radio(path: Path, places: Iterable[RadioPlace]) -> None:
     """Write a row for each reading, in the order given. Raises OSError."""
-    _write_table(path, RADIO_COLUMNS, (fields for place in places for fields in _radio_fields(place)))
-
-
-def _write_table(path: Path, columns: list[str], rows: Iterable[list[str]]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
+    write_csv(path, RADIO_COLUMNS, (fields for place in places for fields in _radio_fields(place)))
 
 
 def _closure_fields(verdict: ClosureJudged) -> list[str]:

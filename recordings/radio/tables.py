@@ -1,15 +1,12 @@
 """access_points.csv, levels.csv and coverage.csv of a radio map; the number of an access point is the same in all."""
 
-import csv
-import io
 import math
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from wayfi.frontends.radio.radio_map import AccessPoint, RadioMap
-from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.atomic_files import write_csv
 
 ACCESS_POINT_COLUMNS = [
     *("number", "bssid", "other_bssids", "standing", "x_m", "y_m", "sigma_long_m", "sigma_short_m"),
@@ -22,7 +19,7 @@ COVERAGE_COLUMNS = ["x_m", "y_m", "number", "bssid", "level_dbm", "sigma_db", "h
 def write_access_points(path: Path, radio: RadioMap) -> None:
     """Write a row for each access point. Raises OSError."""
     rows = ([str(k), *_access_point_fields(ap)] for k, ap in enumerate(radio.access_points))
-    _write(path, ACCESS_POINT_COLUMNS, rows)
+    write_csv(path, ACCESS_POINT_COLUMNS, rows)
 
 
 def write_levels(path: Path, radio: RadioMap) -> None:
@@ -32,7 +29,7 @@ def write_levels(path: Path, radio: RadioMap) -> None:
         for k, ap in enumerate(radio.access_points)
         for cell in np.flatnonzero(~np.isnan(ap.level)).tolist()
     )
-    _write(path, LEVEL_COLUMNS, rows)
+    write_csv(path, LEVEL_COLUMNS, rows)
 
 
 def write_coverage(path: Path, radio: RadioMap) -> None:
@@ -43,7 +40,7 @@ def write_coverage(path: Path, radio: RadioMap) -> None:
         [*_place(radio, cell), *_name(radio, int(best[cell])), *_level(level[cell], sigma[cell]), str(int(holes[cell]))]
         for cell in range(len(best))
     )
-    _write(path, COVERAGE_COLUMNS, rows)
+    write_csv(path, COVERAGE_COLUMNS, rows)
 
 
 def _access_point_fields(ap: AccessPoint) -> list[str]:
@@ -66,11 +63,3 @@ def _name(radio: RadioMap, number: int) -> list[str]:
 
 def _level(level: float, sigma: float) -> list[str]:
     return ["", ""] if math.isnan(level) else [f"{level:.1f}", f"{sigma:.1f}"]
-
-
-def _write(path: Path, columns: list[str], rows: Iterable[list[str]]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    write_text(path, text.getvalue())

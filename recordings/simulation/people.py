@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.recordings.simulation.drive import TrueMotion
-from wayfi.recordings.simulation.surfaces import Surfaces, join, moving, polygon, still
+from wayfi.recordings.simulation.surfaces import Surfaces, join, still
 
 Floats = NDArray[np.float64]
 
@@ -88,13 +88,18 @@ def _offset_from_path(drive: TrueMotion, along_m: Floats, side_m: Floats) -> Flo
 def _legs(walk: Walk) -> Surfaces:
     """Two alternating legs: a foot stands for one step, then swings to its next position during the other's step."""
     feet = _feet(walk.xy)
-    pieces = []
-    for k, foot in enumerate(feet):
-        pieces.append(still(_leg(foot), walk.time_s[k], walk.time_s[k + 1]))
-        if k + 2 < len(feet):
-            vx, vy = (feet[k + 2] - foot) / STEP_S
-            pieces.append(moving(_leg(foot), walk.time_s[k + 1], walk.time_s[k + 2], (vx, vy)))
-    return join(pieces)
+    foot, swings = np.repeat(np.arange(len(feet)), 2), np.tile([False, True], len(feet))
+    moves_on = ~swings | (foot + 2 < len(feet))
+    foot, swings = foot[moves_on], swings[moves_on]
+    velocity_xy = np.zeros((len(foot), 2))
+    velocity_xy[swings] = (feet[2:] - feet[:-2]) / STEP_S
+    corners = feet[foot, None] + LEG
+    ends = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+    since_s, until_s, velocity = (
+        np.repeat(each, len(LEG), axis=0)
+        for each in (walk.time_s[foot + swings], walk.time_s[foot + swings + 1], velocity_xy)
+    )
+    return Surfaces(ends, since_s, until_s, velocity, np.zeros(len(ends), np.int8))
 
 
 def _feet(xy: Floats) -> Floats:
@@ -103,7 +108,3 @@ def _feet(xy: Floats) -> Floats:
     left = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     sides = np.where(np.arange(len(step)) % 2 == 0, 0.5, -0.5) * FEET_APART_M
     return np.asarray(xy[:-1] + step / 2 + sides[:, None] * left)
-
-
-def _leg(foot: Floats) -> Floats:
-    return polygon(foot + LEG)

@@ -8,17 +8,18 @@ import typer
 from wayfi.service.cli.options import (
     CalibrationFile,
     Files,
-    Json,
-    Quiet,
     Settings,
     calibration_of,
-    command_output,
+    command,
     configuration,
 )
 from wayfi.service.drive.mode import Mode
+from wayfi.service.process.console import Output
 
 
+@command
 def run(
+    output: Output,
     config: Files = None,
     settings: Settings = None,
     calibration: CalibrationFile = None,
@@ -32,20 +33,20 @@ def run(
     merge: Annotated[
         bool, typer.Option("--merge", help="Join the maps of the robots that answer, instead of making one.")
     ] = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
 ) -> None:
     """Run the daemon: Zenoh in, Zenoh out, black box, live Rerun; SIGINT and SIGTERM end it."""
-    with command_output(quiet, as_json) as output:
-        from wayfi.service.daemon.run import run_daemon, run_merging_daemon
-        from wayfi.service.drive.known_map import MapReference
+    from wayfi.service.daemon.run import run_daemon, run_merging_daemon
+    from wayfi.service.drive.known_map import MapReference
 
-        configured, prior = configuration(config, settings), calibration_of(calibration)
-        if merge and (map_path or mode or fresh or calibration):
-            raise typer.BadParameter("makes no map of its own: leave the other options out", param_hint="--merge")
-        if mode is Mode.LOCALIZATION and map_path is None:
-            raise typer.BadParameter("localization needs a map: give --map", param_hint="--mode")
-        known = MapReference.of(map_path, mode or Mode.LOCALIZATION) if map_path else None
-        code = run_merging_daemon(configured, quiet) if merge else run_daemon(configured, prior, fresh, quiet, known)
-        output.result({"exit_code": code})
+    configured, prior = configuration(config, settings), calibration_of(calibration)
+    if merge and (map_path or mode or fresh or calibration):
+        raise typer.BadParameter("makes no map of its own: leave the other options out", param_hint="--merge")
+    if mode is Mode.LOCALIZATION and map_path is None:
+        raise typer.BadParameter("localization needs a map: give --map", param_hint="--mode")
+    known = MapReference.of(map_path, mode or Mode.LOCALIZATION) if map_path else None
+    if merge:
+        code = run_merging_daemon(configured, output.quiet)
+    else:
+        code = run_daemon(configured, prior, fresh, output.quiet, known)
+    output.result({"exit_code": code})
     raise typer.Exit(code)

@@ -1,7 +1,9 @@
 """What the commands share: their common options, the output and exit code of each, and values read from options."""
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,8 +26,25 @@ RecordingPath = Annotated[
 ]
 
 
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """`function` as a command: --quiet and --json in place of its parameter `output`, and one line for known errors."""
+
+    @wraps(function)
+    def called(*, quiet: bool, as_json: bool, **options: object) -> None:
+        with _command_output(quiet, as_json) as output:
+            function(output, **options)
+
+    own = [p for p in inspect.signature(function).parameters.values() if p.name != "output"]
+    common = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for name, annotation in (("quiet", Quiet), ("as_json", Json))
+    ]
+    called.__signature__ = inspect.Signature([*own, *common])  # type: ignore[attr-defined]
+    return called
+
+
 @contextmanager
-def command_output(quiet: bool, as_json: bool) -> Iterator[Output]:
+def _command_output(quiet: bool, as_json: bool) -> Iterator[Output]:
     """The output of a command. Known errors end it with one line: exit 2 for the configuration, 1 for the rest."""
     output = Output(quiet, as_json)
     try:

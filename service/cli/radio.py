@@ -2,55 +2,58 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wayfi.service.cli.options import Files, Json, Quiet, Settings, command_output, configuration
+from wayfi.service.cli.options import Files, Settings, command, configuration
+from wayfi.service.process.console import Output
+
+if TYPE_CHECKING:
+    from wayfi.frontends.radio.radio_map import RadioMap
 
 
+@command
 def radio(
+    output: Output,
     path: Annotated[Path, typer.Argument(help="Folder of a saved map, or of the replay that made it.")],
     out: Annotated[Path, typer.Option(help="Folder for tables, GeoTIFF and picture; made if need be.")],
     floor: Annotated[int, typer.Option(help="The floor of the map.")] = 0,
     config: Files = None,
     settings: Settings = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
 ) -> None:
     """Map the radio of a building: each access point's level and place, and what all of them cover."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its matrices are small: threads only wait for each other
-    with command_output(quiet, as_json) as output:
-        from wayfi.frontends.radio.radio_map import radio_map
-        from wayfi.recordings.map.loading import load_map
-        from wayfi.recordings.radio.writing import write_radio_map
-        from wayfi.recordings.rerun.radio_log import write_radio_log
-        from wayfi.recordings.rerun.viewer import RADIO_LOG
+    from wayfi.frontends.radio.radio_map import radio_map
+    from wayfi.recordings.map.loading import load_map
+    from wayfi.recordings.radio.writing import write_radio_map
+    from wayfi.recordings.rerun.radio_log import write_radio_log
+    from wayfi.recordings.rerun.viewer import RADIO_LOG
 
-        chosen = configuration(config, settings).radio
-        loaded = load_map(path)
-        for warning in loaded.warnings:
-            output.say(f"warning: {warning}")
-        with output.progress(f"radio {path}") as progress:
-            made = radio_map(loaded.building, chosen, floor, progress)
-            grid = loaded.building.grid_of(floor)
-            write_radio_map(out, made, grid)
-            write_radio_log(out / RADIO_LOG, made, grid)
-        found = _summary(made)
-        for line in _lines(found):
-            output.say(line)
-        output.say(f"{out / 'radio.png'}; wayfi view {out}")
-        output.result({"out": str(out), **found, "warnings": list(loaded.warnings)})
+    chosen = configuration(config, settings).radio
+    loaded = load_map(path)
+    output.warn(loaded.warnings)
+    with output.progress(f"radio {path}") as progress:
+        made = radio_map(loaded.building, chosen, floor, progress)
+        grid = loaded.building.grid_of(floor)
+        write_radio_map(out, made, grid)
+        write_radio_log(out / RADIO_LOG, made, grid)
+    found = _summary(made)
+    for line in _lines(found):
+        output.say(line)
+    output.say(f"{out / 'radio.png'}; wayfi view {out}")
+    output.result({"out": str(out), **found, "warnings": list(loaded.warnings)})
 
 
-def _summary(made: Any) -> dict[str, Any]:  # noqa: ANN401 - a RadioMap; importing it here would slow `wayfi --help`
+def _summary(made: "RadioMap") -> dict[str, Any]:
     """The figures of a radio map."""
     from wayfi.frontends.radio.radio_map import Standing
     from wayfi.recordings.radio.picture import KNOWN_M
 
     sigmas = [ap.sigmas_m[0] for ap in made.access_points if ap.sigmas_m]
     standing = {kind.name.lower(): sum(ap.standing is kind for ap in made.access_points) for kind in Standing}
-    told = [{"bssid": ap.bssids[0], "why": ap.standing.value} for ap in made.access_points if _is_told(ap)]
+    elsewhere = Standing.MOVED, Standing.CARRIED
+    told = [{"bssid": ap.bssids[0], "why": ap.standing.value} for ap in made.access_points if ap.standing in elsewhere]
     return {
         "bssids": sum(len(ap.bssids) for ap in made.access_points),
         "access_points": len(made.access_points),
@@ -62,10 +65,6 @@ def _summary(made: Any) -> dict[str, Any]:  # noqa: ANN401 - a RadioMap; importi
         "holes_square_metres": round(int(made.holes().sum()) * made.cells.cell_m**2),
         "told": told,
     }
-
-
-def _is_told(ap: Any) -> bool:  # noqa: ANN401 - an AccessPoint
-    return ap.standing.name in ("MOVED", "CARRIED")
 
 
 def _lines(found: dict[str, Any]) -> list[str]:

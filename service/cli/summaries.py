@@ -38,8 +38,7 @@ def _print_drops_and_warnings(output: Output, report: dict[str, Any]) -> None:
     for topic, reasons in report["dropped"].items():
         dropped = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
         output.say(f"dropped from {topic}: {dropped}")
-    for warning in report["warnings"]:
-        output.say(f"warning: {warning}")
+    output.warn(report["warnings"])
 
 
 def print_evaluation(output: Output, directory: Path, evaluation: Evaluation) -> None:

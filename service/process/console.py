@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -48,6 +48,11 @@ class Output:
         """A line for a person."""
         if not (self.quiet or self.as_json):
             self._out.print(text, markup=False)
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """A line for each."""
+        for warning in warnings:
+            self.say(f"warning: {warning}")
 
     def table(self, title: str, columns: list[str], rows: list[list[str]]) -> None:
         """A table for a person."""

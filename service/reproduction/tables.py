@@ -1,11 +1,9 @@
 """The paper's Tables I to IV with the figures of the paper, the reproduction and the streaming service."""
 
-import csv
-import io
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from wayfi.recordings.files.atomic_files import write_text
+from wayfi.recordings.files.atomic_files import write_csv
 from wayfi.service.reproduction import paper_figures
 from wayfi.service.reproduction.methods import Method, Stage
 from wayfi.service.reproduction.sweep_figures import SweepFigures
@@ -113,8 +111,4 @@ def stage_table(ours: dict[Stage, float], streaming_s: float, drive_s: float) ->
 def write_tables(directory: Path, tables: list[Table]) -> None:
     """Write each table as CSV into `directory`, with unrounded figures. Raises OSError."""
     for table in tables:
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows(asdict(row).values() for row in table.rows)
-        write_text(directory / table.file, text.getvalue())
+        write_csv(directory / table.file, table.columns, (asdict(row).values() for row in table.rows))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DEFAULT_TOPICS, TYPE_OF_SENSOR
 from wayfi.recordings.ros.topics import Encoding
 from wayfi.recordings.simulation.recorder import SimulatedRecording
-from wayfi.recordings.simulation.run import EPOCH_NS, measurements, start
+from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, start
 from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
@@ -97,6 +98,12 @@ def simulated(world: World, minutes: float, seed: int = 0) -> Simulated:
     """The first `minutes` of a drive through `world`."""
     run = start(world, seed, minutes)
     return Simulated(tuple(Arrival(m.stamp_ns, m) for m in measurements(run)), run.truth)
+
+
+@cache
+def whole_run(world: World, seed: int) -> Run:
+    """The whole run of the typical robot, made once; not to be changed."""
+    return start(world, seed)
 
 
 def circling(messages: int) -> Iterator[Arrival]:

@@ -37,7 +37,7 @@ ROBOT = Robot()
 
 
 def drive(
-    place: Storey, route: Sequence[tuple[float, float]], day: int, robot: Robot = Robot(), wait_s: float = 0.0
+    place: Storey, route: Sequence[tuple[float, float]], day: int, robot: Robot = ROBOT, wait_s: float = 0.0
 ) -> Simulated:
     """A drive along `route`, after a wait at its start, on a day that decides all noise."""
     poses = _poses(route, wait_s)

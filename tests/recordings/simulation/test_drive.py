@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from drives import whole_run
 
 from wayfi.backend.pose2 import between_all, wrap_all
-from wayfi.recordings.simulation.run import Run, start
+from wayfi.recordings.simulation.run import Run
 from wayfi.recordings.simulation.worlds import warehouse
 from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, World
-
-RUNS = {(world, seed): start(world, seed) for world in World for seed in range(4)}
 
 
 def turned_on_the_spot_rad(run: Run) -> float:
@@ -34,7 +33,7 @@ def first_revisit_m(run: Run) -> float:
 
 @pytest.mark.parametrize("world", World, ids=str)
 def test_some_drives_turn_on_the_spot_at_each_corner_and_some_nowhere(world: World) -> None:
-    turned = np.array([turned_on_the_spot_rad(RUNS[world, seed]) for seed in range(4)])
+    turned = np.array([turned_on_the_spot_rad(whole_run(world, seed)) for seed in range(4)])
     corners = np.array([corners_rad(world, seed) for seed in range(4)])
     nowhere, at_each = turned < 0.5, np.abs(turned / corners - 1.0) < 0.02
     assert nowhere.any()
@@ -45,7 +44,7 @@ def test_some_drives_turn_on_the_spot_at_each_corner_and_some_nowhere(world: Wor
 @pytest.mark.parametrize("world", World, ids=str)
 def test_a_turn_on_the_spot_begins_and_ends_gently(world: World) -> None:
     for seed in range(4):
-        motion = between_all(RUNS[world, seed].truth.poses[:-1], RUNS[world, seed].truth.poses[1:])
+        motion = between_all(whole_run(world, seed).truth.poses[:-1], whole_run(world, seed).truth.poses[1:])
         turning = motion[:, 0] < 1e-3
         rates = motion[:, 2] / 0.1
         assert np.abs(rates[turning]).max() < 0.65
@@ -55,19 +54,19 @@ def test_a_turn_on_the_spot_begins_and_ends_gently(world: World) -> None:
 def test_odd_seeds_go_around_the_car_park_before_they_close_a_loop() -> None:
     for seed in range(4):
         least, most = (395, 430) if seed % 2 else (60, 140)
-        assert least < first_revisit_m(RUNS[World.CARPARK, seed]) < most
+        assert least < first_revisit_m(whole_run(World.CARPARK, seed)) < most
 
 
 def test_warehouse_and_campus_close_late_anyway() -> None:
-    assert first_revisit_m(RUNS[World.WAREHOUSE, 0]) > 400
-    assert first_revisit_m(RUNS[World.CAMPUS, 0]) > 400
+    assert first_revisit_m(whole_run(World.WAREHOUSE, 0)) > 400
+    assert first_revisit_m(whole_run(World.CAMPUS, 0)) > 400
 
 
 def test_racks_are_open_in_some_drives_closed_in_others() -> None:
     closed = [
         (np.hypot(*(faces[:, 2:] - faces[:, :2]).T) > 39.0).sum() / 2 - 2
         for faces in (
-            warehouse.surfaces(RUNS[World.WAREHOUSE, 0].drive, np.random.default_rng(s)).ends for s in range(9)
+            warehouse.surfaces(whole_run(World.WAREHOUSE, 0).drive, np.random.default_rng(s)).ends for s in range(9)
         )
     ]
     assert {0.0, 13.0} <= set(closed)

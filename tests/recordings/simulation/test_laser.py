@@ -15,7 +15,6 @@ from wayfi.recordings.simulation.run import EPOCH_NS, Run, measurements, scans, 
 from wayfi.recordings.simulation.surfaces import Surfaces
 from wayfi.recordings.simulation.worlds.blueprints import World
 
-CAR_PARK = start(World.CARPARK, seed=0)
 ROOM = surfaces.box(-3.0, -2.0, 5.0, 4.0)
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from drives import whole_run
 from rooms import distances_m, faces_at
 
 from wayfi.recordings.simulation.people import people
-from wayfi.recordings.simulation.run import Run, start, stream
+from wayfi.recordings.simulation.run import Run, stream
 from wayfi.recordings.simulation.surfaces import Surfaces
 from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, World
 
@@ -16,7 +17,7 @@ def legs(run: Run, world: World) -> Surfaces:
 
 @pytest.mark.parametrize("world", list(World), ids=str)
 def test_people_are_near_the_robot_for_a_while_and_never_on_it(world: World) -> None:
-    run = start(world, seed=3)
+    run = whole_run(world, seed=3)
     walking = legs(run, world)
     times_s = np.arange(0.0, run.length_ns / 1e9, 2.9)
     gaps = []
@@ -28,7 +29,7 @@ def test_people_are_near_the_robot_for_a_while_and_never_on_it(world: World) -> 
 
 
 def test_people_walk_at_a_persons_pace_on_two_legs() -> None:
-    run = start(World.CARPARK, seed=3)
+    run = whole_run(World.CARPARK, seed=3)
     walking = legs(run, World.CARPARK)
     swings = np.hypot(*walking.velocity_xy[walking.moves].T)
     assert np.quantile(swings, 0.99) < 3.5

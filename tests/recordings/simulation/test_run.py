@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from drives import whole_run
 from rooms import distances_m, faces_at
 
 from wayfi.backend.pose2 import between_all
@@ -10,7 +11,7 @@ from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, measurements, start, wifi_scans
 from wayfi.recordings.simulation.worlds.blueprints import BLUEPRINTS, World
 
-FULL_RUNS = {world: start(world, seed=3) for world in World}
+SEED = 3
 
 
 @pytest.fixture(params=list(World), ids=str)
@@ -20,7 +21,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 @pytest.fixture
 def run(world: World) -> Run:
-    return FULL_RUNS[world]
+    return whole_run(world, SEED)
 
 
 @pytest.mark.parametrize("robot", [Robot.TYPICAL, Robot.CHEAP], ids=str)
@@ -45,13 +46,13 @@ def test_a_cut_drive_is_the_beginning_of_the_whole(world: World) -> None:
 
 
 def test_length_and_duration_are_those_of_the_paper() -> None:
-    run = FULL_RUNS[World.CARPARK]
+    run = whole_run(World.CARPARK, SEED)
     assert run.length_ns / 1e9 == pytest.approx(2580.0, abs=1.0)
     assert run.truth.path_m()[-1] == pytest.approx(1070.0, abs=1.0)
 
 
 def test_every_drive_is_as_long_as_planned(world: World) -> None:
-    run, plan = FULL_RUNS[world], BLUEPRINTS[world].route
+    run, plan = whole_run(world, SEED), BLUEPRINTS[world].route
     assert run.length_ns / 1e9 == pytest.approx(plan.duration_s, abs=1.0)
     assert run.truth.path_m()[-1] == pytest.approx(plan.length_m, abs=1.0)
 

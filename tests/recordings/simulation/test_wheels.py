@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from drives import whole_run
 
 from wayfi.backend.pose2 import Floats, between_all
 from wayfi.recordings.simulation import wheels
 from wayfi.recordings.simulation.robots.models import Robot
 from wayfi.recordings.simulation.run import Run, odometry, start, stream
 from wayfi.recordings.simulation.worlds.blueprints import World
-
-FULL_RUNS = {world: start(world, seed=3) for world in World}
 
 
 def aligned_rmse_m(estimate: Floats, truth: Floats) -> float:
@@ -48,7 +47,7 @@ def motions(run: Run, steps: wheels.StepErrors) -> Floats:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_wheels_slip_a_few_times_a_drive(seed: int) -> None:
-    run = start(World.CARPARK, seed)
+    run = whole_run(World.CARPARK, seed)
     truth = run.truth.poses
     slips, none = wheels.draw_slips(truth, stream(seed, "slips")), wheels.no_slips(len(truth) - 1)
     slipping, holding = motions(run, slips), motions(run, none)
@@ -62,7 +61,7 @@ def test_wheels_slip_a_few_times_a_drive(seed: int) -> None:
 
 
 def test_slips_lengthen_the_way_and_turn_it_to_either_side() -> None:
-    truth = FULL_RUNS[World.CARPARK].truth.poses
+    truth = whole_run(World.CARPARK, seed=3).truth.poses
     slips = [wheels.draw_slips(truth, stream(seed, "slips")) for seed in range(20)]
     turns = np.concatenate([s.turn_rad[s.turn_rad != 0] for s in slips])
     scales = np.concatenate([s.distance_scale[s.distance_scale != 1] for s in slips])
@@ -73,7 +72,7 @@ def test_slips_lengthen_the_way_and_turn_it_to_either_side() -> None:
 
 
 def test_wheels_slip_rather_in_turns_and_never_at_rest() -> None:
-    truth = FULL_RUNS[World.CARPARK].truth.poses
+    truth = whole_run(World.CARPARK, seed=3).truth.poses
     motion = between_all(truth[:-1], truth[1:])
     slips = np.any([wheels.draw_slips(truth, stream(seed, "slips")).turn_rad != 0 for seed in range(20)], axis=0)
     turning, at_rest = np.abs(motion[:, 2]) > 0.02, np.abs(motion[:, [0, 2]]).max(axis=1) < 1e-9
