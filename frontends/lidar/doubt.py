@@ -25,6 +25,9 @@ class DoubtConfig:
     slip_rad: float = option(0.08, "rad", "as above")
     slip_gain: float = option(0.1, "1", "of inlier ratio over the wheels' pose: where that fits as well, walls repeat")
     slips: int = option(3, "steps", "in a row that make the pose UNCERTAIN; sound robots were seen to slip in two")
+    nearly: float = option(
+        0.8, "", "of the least inlier ratio: such a match is no factor, but the wheels may have erred by what it says"
+    )
     misfits: int = option(3, "scans", "in a row that fit nowhere in the map: LOST")
     agreeing: int = option(3, "scans", "in a row that fit and agree with the wheels: no doubt any more")
     moved_m: float = option(1.0, "m", "a robot that is nowhere near was moved by this at least")
@@ -56,6 +59,12 @@ class StepJudged:
 
 SILENT, AGREES = StepJudged(Finding.SILENT), StepJudged(Finding.AGREES)
 UNFIT = StepJudged(Finding.UNFIT, "do not fit the map here")
+
+
+def unfit(guess: Pose2, T: Pose2) -> StepJudged:
+    """A scan that nearly fits at `T`, where the wheels lead to `guess`: either may be right."""
+    e = error(guess, T)
+    return StepJudged(Finding.UNFIT, UNFIT.reason, np.outer(e, e))
 
 
 def slipped(motion: WheelMotion, guess: Pose2, T: Pose2) -> StepJudged:

@@ -8,7 +8,7 @@ import numpy as np
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.keyframes import Keyframes
-from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, misses, slipped
+from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, misses, slipped, unfit
 from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
@@ -74,7 +74,7 @@ class ScanTracker:
         if match.inlier_ratio < self._lidar.search_below:
             tracked = self._doubted(scan, submap, guess, tracked)
         if tracked.match.inlier_ratio < self._lidar.min_inlier_ratio:
-            return replace(tracked, judged=self._refused(scan, tracked, motion))
+            return replace(tracked, judged=self._refused(scan, tracked, motion, guess))
         return replace(tracked, judged=self._judge(scan, submap, motion, guess, tracked.match))
 
     def _doubted(self, scan: ScanPoints, submap: PointIndex, guess: Pose2, tracked: KeyframeMatch) -> KeyframeMatch:
@@ -90,8 +90,11 @@ class ScanTracker:
         through = seen_through_share(scan, tracked.submap, tracked.match.T_submap_scan, self._lidar.visibility)
         return through > self._lidar.doubt.seen_through
 
-    def _refused(self, scan: ScanPoints, tracked: KeyframeMatch, motion: WheelMotion) -> StepJudged:
-        return misfit(motion, self._lidar.doubt) if self._contradicts(scan, tracked) else UNFIT
+    def _refused(self, scan: ScanPoints, tracked: KeyframeMatch, motion: WheelMotion, guess: Pose2) -> StepJudged:
+        if self._contradicts(scan, tracked):
+            return misfit(motion, self._lidar.doubt)
+        nearly = tracked.match.inlier_ratio >= self._lidar.doubt.nearly * self._lidar.min_inlier_ratio
+        return unfit(guess, tracked.match.T_submap_scan) if nearly else UNFIT
 
     def _judge(
         self, scan: ScanPoints, submap: PointIndex, motion: WheelMotion, guess: Pose2, match: ScanMatch

@@ -8,6 +8,7 @@ from rooms import HALL, see
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.lidar.doubt import Finding
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import PathPoint
@@ -79,6 +80,35 @@ def test_wheels_that_slip_lose_it_and_their_covariance_grows() -> None:
 def test_trust_stays_within_its_bounds_whatever_the_wheels_say() -> None:
     tracker, _ = follow(25, Pose2(0.6, 0.0, 0.3))
     assert 1.0 <= tracker.covariance_scale <= LIDAR.trust.most
+
+
+def judged_in_a_crowd(hidden: float, wrong: Pose2) -> tuple[KeyframeMatch, Pose2]:
+    """A scan of which people hide a share of the walls, and by how much the wheels err then."""
+    rng, keyframes = np.random.default_rng(0), Keyframes()
+    keyframes.append(Keyframe(PathPoint(0, Pose2(), 0.0), see(HALL, START, rng)))
+    seen = see(HALL, START @ STEP, rng)
+    crowd = rng.random(len(seen.points)) < hidden
+    scan = ScanPoints(np.where(crowd[:, None], 0.5 * seen.points, seen.points), seen.normals, seen.T_base_laser)
+    motion = WheelMotion(STEP @ wrong, 0.3, 1.0)
+    tracked = ScanTracker(keyframes, LIDAR, ODOMETRY).match(scan, motion, motion.pose, np.zeros((1, 3)))
+    assert tracked is not None
+    assert tracked.match.inlier_ratio < LIDAR.min_inlier_ratio
+    assert tracked.judged.finding is Finding.UNFIT
+    return tracked, motion.pose
+
+
+def test_a_scan_that_nearly_fits_tells_by_how_much_the_wheels_may_have_erred() -> None:
+    tracked, wheels = judged_in_a_crowd(0.52, Pose2(0.05, 0.02, 0.1))
+    assert tracked.match.inlier_ratio > LIDAR.doubt.nearly * LIDAR.min_inlier_ratio
+    sigma_m, sigma_rad = np.sqrt(np.diag(tracked.judged.covariance))[[0, 2]]
+    np.testing.assert_allclose(sigma_m, abs(wheels.x - STEP.x), atol=0.01)
+    np.testing.assert_allclose(sigma_rad, 0.1, atol=0.01)
+
+
+def test_a_scan_that_does_not_fit_tells_nothing_of_the_wheels() -> None:
+    tracked, _ = judged_in_a_crowd(0.8, Pose2(0.05, 0.02, 0.1))
+    assert tracked.match.inlier_ratio < LIDAR.doubt.nearly * LIDAR.min_inlier_ratio
+    assert not tracked.judged.covariance.any()
 
 
 def test_without_a_submap_or_points_there_is_no_match_and_nothing_is_learnt() -> None:
