@@ -225,7 +225,7 @@ class LidarCloser:
             return [self._enter(proposed, _unchecked(expected, "too few points to check"))]
         if not done.refused and proposed.proposed_by == "estimate":
             claimed = Expected(expected.T_a_b, expected.covariance - self._drift(a, b))
-            self.variance_factor.add(innovation_chi2(claimed, done.T_a_b, done.covariance), 3)
+            self.variance_factor.add(innovation_chi2(claimed, done.T_a_b, done.covariance))
         shown = CheckDone(
             stamp_ns, a, b, scan.points, done.submap, expected.T_a_b, done.T_a_b, done.inlier_ratio, done.second_peak
         )
