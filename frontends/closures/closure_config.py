@@ -100,7 +100,9 @@ class ClosureConfig:
     drift_rad_per_m: float = option(0.0003, "rad/m", "the same of the heading: 1 degree over 60 m")
     remove_chi2: float = option(25.0, "", "an accepted closure that stays this far off is removed")
     variance_prior: float = option(
-        3.0, "closures", "that count for the graph's covariances as they are, against those that measure their factor"
+        10.0,
+        "closures",
+        "that count for the graph's covariances as they are: five closures of a short drive may agree by chance",
     )
     reviewed: int = option(20, "closures", "the newest accepted ones: those that a new one may contradict or shorten")
     sigma_floor_m: float = option(0.02, "m", "submaps bend by this much over their length")
