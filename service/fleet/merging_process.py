@@ -9,6 +9,7 @@ import sys
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from wayfi.frontends.merging.common_map import common_map
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.map_folder import MapError
 from wayfi.recordings.map.loading import LoadedMap, load_map
+from wayfi.recordings.map.manifest import MapName
 from wayfi.recordings.map.saving import name_of_map, save_map
 from wayfi.service.config import Config, load_config
 from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, read_fleet
@@ -36,7 +38,8 @@ Copy = tuple[str, str, Path]  # robot, run, folder
 def join_maps(directory: Path, config: Config) -> Fleet:
     """Join the maps of the robots below `directory`, and save the common map there; returns what it is made of.
 
-    The runs that have ended are settled, and never joined again. Raises MapError where a map cannot be saved.
+    The runs that have ended are settled, and never joined again. The common map has an id of its own, though it begins
+    as that of one robot. Raises MapError where a map cannot be saved.
     """
     former, settled = _former(directory / MAP), read_settled(directory)
     parts = _parts(directory, former, settled, config)
@@ -49,7 +52,7 @@ def join_maps(directory: Path, config: Config) -> Fleet:
     common = common_map(maps, config)
     members = [part.member(common.places.get(part.name), common.left_out.get(part.name, "")) for part in parts]
     fleet = Fleet((*settled.members, *members))
-    save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP))
+    save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP) or MapName(uuid4().hex, 0))
     write_text(directory / MAP / FLEET, fleet.to_json())
     forget_copies(directory, settled)
     return fleet

@@ -6,11 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 from buildings.elevators import RIDE_S, on_floor, ridden
+from buildings.robots import drive
+from buildings.storey import ROUTE, storey
 from drives import EPOCH_NS, Arrival, Simulated, simulated
 
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import ClosureJudged, Event, StateChanged, Verdict, Warned
+from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import SECOND_NS
+from wayfi.frontends.merging.merging import merge
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.slam_config import SlamConfig
@@ -66,3 +70,23 @@ def test_a_flat_building_notices_nothing(world: World) -> None:
     result, events = estimated(simulated(world, 2.0, seed=3).arrivals)
     assert {k.floor for k in result.building.keyframes} == {0}
     assert not [e for e in events if isinstance(e, Warned)]
+
+
+@pytest.mark.slow
+def test_two_drives_over_two_floors_are_merged_floor_by_floor() -> None:
+    """Both floors look alike; the elevator puts the upper one where it is to some centimetres."""
+
+    def mapped(day: int) -> BuildingMap:
+        floors = (drive(storey(), ROUTE, day=day), drive(storey(), ROUTE, day=day + 10))
+        parts = [on_floor(driven.arrivals, number) for driven, number in zip(floors, (2, 4), strict=True)]
+        return estimated(ridden(parts))[0].building
+
+    first, second = mapped(1), mapped(2)
+    merged = merge(first, second, SlamConfig())
+    assert merged.floors == {0: 0, 1: 1}
+    assert np.hypot(merged.T_a_b.x, merged.T_a_b.y) < 0.1
+    assert abs(merged.T_a_b.theta) < 0.02
+    joined = merged.building
+    ties = [c.judged for c in joined.closures[len(first.closures) + len(second.closures) :]]
+    floors_of_ties = {(joined.keyframes[t.keyframe_a].floor, joined.keyframes[t.keyframe_b].floor) for t in ties}
+    assert floors_of_ties == {(0, 0), (1, 1)}

@@ -55,6 +55,17 @@ def test_the_frame_stays_that_of_the_first_though_an_earlier_name_comes_later(
     assert load_map(tmp_path / MAP).map_version == 2
 
 
+def test_the_common_map_is_another_than_that_of_its_only_robot(parts: dict[str, BuildingMap], tmp_path: Path) -> None:
+    """That robot goes on with a map of several days, which is the common one as long as it is alone."""
+    own = bring(tmp_path, "robot1", merge(parts["a"], parts["b"], CONFIG).building)
+    for _ in range(2):
+        join_maps(tmp_path, CONFIG)
+        common = load_map(tmp_path / MAP)
+        assert common.map_id != load_map(own).map_id
+        assert {keyframe.session for keyframe in common.building.keyframes} == {0, 1}
+    assert common.map_version == 2
+
+
 def test_of_two_robots_that_go_on_with_one_map_that_is_joined_once(
     parts: dict[str, BuildingMap], tmp_path: Path
 ) -> None:
