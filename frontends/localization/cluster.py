@@ -65,8 +65,8 @@ def cluster_of(
     floors = [h.floor for h in hypotheses]
     around = tried if best is None else _near(here, floors, hypotheses.index(best), tried, config)
     k = max(around, key=lambda i: scores[i])
-    inside = _near(here, floors, k, tried, config)
     near = _near(here, floors, k, range(len(here)), config)
+    inside = [i for i in near if i in tried or not hypotheses[i].is_new]
     outside = np.delete(scores, near)
     total = float(np.logaddexp.reduce(scores[inside]))
     weights = np.exp(scores[inside] - total)

@@ -89,7 +89,7 @@ class Hypothesis:
 
     def _count(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
         self.quality += QUALITY_GAIN * (fix.quality - self.quality)
-        self.evidence += config.evidence_per_fit * (fix.quality - 1.0)
+        self.evidence += config.evidence_per_fit * min(fix.quality - config.good_quality, 0.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m
             self.agreed, self.agreed_to_m = self.agreed + 1, path_m

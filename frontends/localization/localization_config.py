@@ -66,6 +66,7 @@ class ClaimConfig:
     fixes_with_wifi: int = option(3, "", "the fixes where WiFi names the place as well and no wall leaves it open")
     path_with_wifi_m: float = option(0.9, "m", "the path there")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
+    good_quality: float = option(0.95, "", "of a fix that says nothing against a pose: true ones vary by as much")
     min_gain: float = option(4.0, "nats", "of evidence over any rival: 55 to 1")
     searches: int = option(4, "", "that find the place, where each has left out places that look as much alike")
     searches_with_wifi: int = option(2, "", "the same where WiFi tells which part of the map is searched")
@@ -73,7 +74,9 @@ class ClaimConfig:
     cluster_rad: float = option(0.15, "rad", "as above")
     sharp_m: float = option(0.3, "m", "sigma of the position: between walls that leave it open it is UNCERTAIN")
     sharp_rad: float = option(0.05, "rad", "as above")
-    max_sigma_m: float = option(2.0, "m", "of the position with WiFi, where walls leave it open: more is no claim")
+    max_sigma_m: float = option(
+        1.1, "m", "of the position where walls leave it open: more is no claim, it may be 1 m off"
+    )
     most_below_best: float = option(4.0, "nats", "that WiFi may put a place below its best one: more contradicts")
     least_in_map: float = option(0.5, "", "of WiFi's belief that is in this map: with less of it nothing is claimed")
     min_quality: float = option(0.7, "", "of the last fixes where WiFi names the place as well; 1 is a perfect fit")

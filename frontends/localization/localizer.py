@@ -82,7 +82,7 @@ class Localizer:
         step = self._track.step_to(self._track.newest)
         self._belief.move(step.pose, step.covariance)
         if self._wifi.heard:
-            self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), heard=True)
+            self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), self._belief.cloud())
         if step.moved:
             self._proposals.restart()
         if self.claimed is None:
@@ -97,7 +97,7 @@ class Localizer:
     def add_wifi(self, receiver: str, readings: Readings) -> None:
         """Use a WiFi scan."""
         self._belief.add(receiver, readings)
-        self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), heard=True)
+        self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), self._belief.cloud())
         if self.claimed is None:
             return
         config, T = self._config.claim, self.claimed.T_map_base

@@ -10,7 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
 from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, fit_scan
-from wayfi.frontends.localization.wifi.particles import Particles
+from wayfi.frontends.localization.wifi.particles import Cloud, Particles
 from wayfi.frontends.localization.wifi.radio_places import RadioPlaces, radio_places
 from wayfi.frontends.localization.wifi.receiver_offsets import ReceiverOffsets
 from wayfi.frontends.localization.wifi.seeds import draw_seeds
@@ -80,6 +80,11 @@ class WifiBelief:
         p, config = self._particles, self._config
         return places_of(p.poses, p.floor, p.weights, most, config.near_m, config.sigma_floor_m)
 
+    def cloud(self) -> Cloud:
+        """The poses that the robot may have, with their weights."""
+        self._catch_up()
+        return self._particles.cloud()
+
     def disagreement(self, T_map_base: Pose2, floor: int = 0) -> Disagreement:
         """By how many metres, and how surely, WiFi puts the robot elsewhere than at a pose."""
         places = self.places(8)
@@ -123,7 +128,10 @@ class WifiBelief:
     def _weigh(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
         p = self._particles
         nearest, distance_m = places.nearest(p.poses[:, :2], p.floor)
-        p.weigh(evidence * _log_ratios(places, fit, nearest, distance_m))
+        log_ratio = evidence * _log_ratios(places, fit, nearest, distance_m)
+        if p.weights.any():
+            sharp = self._config.within_map * log_ratio
+            p.weigh(sharp + _log_mean(log_ratio, p.weights) - _log_mean(sharp, p.weights))
 
     def _offset(self, places: RadioPlaces, fit: ScanFit) -> tuple[float, float]:
         """The receiver's offset by the scan, over the places where the robot may be, and the readings behind it."""
@@ -135,6 +143,12 @@ class WifiBelief:
         if total < FOUND:
             return 0.0, 0.0
         return float(weights @ fit.offset_db[row] / total), float(weights @ fit.common[row])
+
+
+def _log_mean(log_ratio: Floats, weights: Floats) -> float:
+    """The logarithm of the mean of exp(`log_ratio`) (n,) by weights (n,)."""
+    top = float(log_ratio[weights > 0.0].max())
+    return top + float(np.log(weights @ np.exp(np.minimum(log_ratio - top, 0.0)) / weights.sum()))
 
 
 def _rows(places: RadioPlaces, fit: ScanFit) -> NDArray[np.int64]:

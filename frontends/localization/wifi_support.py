@@ -4,32 +4,29 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats, Pose2, wrap_all
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.localization.wifi.particles import Cloud
 from wayfi.frontends.localization.wifi_belief import PlaceBelief
 
 LEAST_NATS = -12.0  # beyond, all is equally impossible: WiFi was never seen to be surer and right
 LEAST = 1e-300  # keeps the logarithm finite
-FLOOR_M = 0.5  # added to WiFi's sigma: what a map's fingerprints are spread by
-FLOOR_RAD = 0.3  # added to that of the heading, which the way between WiFi scans tells
+NEAR_M = 0.7  # sigma of the density around a particle: the fingerprints of a map are as far apart
+NEAR_RAD = 0.3  # the same of its heading, which the way between WiFi scans tells
+FAR = 5.0  # sigmas from a particle beyond which it adds nothing
 ANY_HEADING = 0.005  # chance that the heading is any other: turned round, a pose is 5 nats less likely at most
 
 
 class WifiSupport:
-    """The mixture of the places that WiFi names, as a density of the pose on each floor.
+    """The density of the `cloud` of poses that the robot may have by WiFi, and the `places` that they make up.
 
     `heard` tells whether any scan has come at all.
     """
 
-    def __init__(self, places: Sequence[PlaceBelief], heard: bool = False) -> None:
-        self.places, self.heard = tuple(places), heard
-        self._means = np.array([(p.T_map_base.x, p.T_map_base.y) for p in places]).reshape(-1, 2)
-        covariances = np.array([_position(p) for p in places]).reshape(-1, 2, 2)
-        self._information = np.linalg.inv(covariances)
-        self._headings = np.array([p.T_map_base.theta for p in places])
-        self._sigmas_rad = np.array([math.hypot(p.sigma_rad, FLOOR_RAD) for p in places])
-        self._heights = np.array([p.weight for p in places]) / np.sqrt(np.linalg.det(covariances))
-        self._floors = np.array([p.floor for p in places], np.int64)
+    def __init__(self, places: Sequence[PlaceBelief], cloud: Cloud | None = None) -> None:
+        self.places, self.heard, self._cloud = tuple(places), cloud is not None, cloud
         self._peak = max((self._density(p.T_map_base, p.floor) for p in places), default=0.0)
 
     @property
@@ -60,13 +57,19 @@ class WifiSupport:
         return best.T_map_base.distance(T_map_base) if best.floor == floor else math.inf
 
     def _density(self, T: Pose2, floor: int) -> float:
-        d = np.array([T.x, T.y]) - self._means
-        chi2 = np.einsum("ni,nij,nj->n", d, self._information, d)
-        turned = wrap_all(T.theta - self._headings) / self._sigmas_rad
-        heading = ANY_HEADING + (1.0 - ANY_HEADING) * np.exp(-0.5 * turned**2)
-        here = np.where(self._floors == floor, heading * np.exp(-0.5 * chi2), 0.0)
-        return float(self._heights @ here)
+        return 0.0 if self._cloud is None else float(_density(*self._cloud, T.x, T.y, T.theta, floor))
 
 
-def _position(place: PlaceBelief) -> Floats:
-    return np.asarray(place.covariance[:2, :2] + FLOOR_M**2 * np.eye(2))
+@njit(cache=True)
+def _density(
+    poses: Floats, floors: NDArray[np.int64], weights: Floats, x: float, y: float, theta: float, floor: int
+) -> float:
+    """The sum over poses (n, 3) on a floor of their weights (n,), each times a Gaussian of its distance."""
+    total = 0.0
+    for k in range(len(poses)):
+        d2 = ((poses[k, 0] - x) ** 2 + (poses[k, 1] - y) ** 2) / NEAR_M**2
+        if d2 < FAR**2 and floors[k] == floor:
+            turned = (theta - poses[k, 2] + np.pi) % (2.0 * np.pi) - np.pi
+            heading = ANY_HEADING + (1.0 - ANY_HEADING) * math.exp(-0.5 * (turned / NEAR_RAD) ** 2)
+            total += weights[k] * heading * math.exp(-0.5 * d2)
+    return total

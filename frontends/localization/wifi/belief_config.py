@@ -44,6 +44,11 @@ class WifiBeliefConfig:
     elsewhere: float = option(0.01, "", "chance at a scan that the robot is moved elsewhere: some scans outweigh it")
     outside: float = option(0.003, "", "chance at a scan that it leaves the map")
     around: float = option(0.3, "", "chance that a robot in the map is up to 10 m off the ways that were driven")
+    within_map: float = option(
+        2.0,
+        "times",
+        "as much a scan counts between places of the map as between them and none: sigmas are 2 too wide else",
+    )
     begins_outside: float = option(0.5, "", "chance that a robot that is switched on is not in this map")
     roughening_m: float = option(0.15, "m", "by which particles drawn twice part: wheels are too sure")
     roughening_rad: float = option(0.03, "rad", "as above")

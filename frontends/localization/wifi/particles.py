@@ -5,6 +5,7 @@ systematic resampling. So a drive gives the same belief each time.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,14 @@ def _standard_normal(count: int) -> Floats:
     return np.asarray(radius * np.column_stack([np.cos(angle[:, 0]), np.sin(angle[:, 1]), np.cos(angle[:, 2])]))
 
 
+class Cloud(NamedTuple):
+    """(n, 3) `poses` in map on `floor` (n,), of `weights` (n,)."""
+
+    poses: Floats
+    floor: NDArray[np.int64]
+    weights: Floats
+
+
 class Particles:
     """(n, 3) `poses` in map on `floor` (n,), of `weights` (n,); `unknown` is the weight of a place not in the map."""
 
@@ -41,6 +50,11 @@ class Particles:
         self.unknown = 1.0
         self._noise = _standard_normal(TABLE)
         self._drawn = 0
+
+    def cloud(self) -> Cloud:
+        """Those that have any weight, as they are now."""
+        kept = self.weights > 0.0
+        return Cloud(self.poses[kept], self.floor[kept], self.weights[kept])
 
     def move(self, step: Pose2, covariance: Floats) -> None:
         """Move all by the wheels' `step`, each with noise of the (3, 3) `covariance` in the axes of base_link."""

@@ -13,6 +13,7 @@ from wayfi.frontends.localization.localizer import Localizer
 from wayfi.frontends.localization.map_matching import Agreement, Fix
 from wayfi.frontends.localization.proposals import Proposals
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
+from wayfi.frontends.localization.wifi.particles import Cloud
 from wayfi.frontends.localization.wifi_support import WifiSupport
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import SECOND_NS
@@ -37,7 +38,9 @@ def track(building: BuildingMap) -> LocalTrack:
 
 
 def named(weight: float) -> WifiSupport:
-    return WifiSupport([PlaceBelief(Pose2(5.0, 0.0, 0.0), np.diag([1.0, 1.0, 0.1]), weight)], heard=True)
+    at = Pose2(5.0, 0.0, 0.0)
+    cloud = Cloud(at.array()[None], np.zeros(1, np.int64), np.array([weight]))
+    return WifiSupport([PlaceBelief(at, np.diag([1.0, 1.0, 0.1]), weight)], cloud)
 
 
 def test_a_search_of_the_whole_map_ends_once_wifi_names_a_part_of_it(building: BuildingMap, track: LocalTrack) -> None:

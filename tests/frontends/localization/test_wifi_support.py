@@ -11,11 +11,30 @@ from wayfi.frontends.localization.cluster import Cluster
 from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.wifi.clusters import OPEN_RAD2, PlaceBelief
+from wayfi.frontends.localization.wifi.particles import Cloud
 from wayfi.frontends.localization.wifi_support import WifiSupport
 
 
+def cloud(at: Pose2, sigma_m: float, sigma_rad: float, weight: float = 1.0) -> Cloud:
+    """1,000 poses around one."""
+    spread = np.random.default_rng(1).normal(0.0, (sigma_m, sigma_m, sigma_rad), (1000, 3))
+    return Cloud(at.array() + spread, np.zeros(1000, np.int64), np.full(1000, weight / 1000))
+
+
 def support(variance_rad2: float) -> WifiSupport:
-    return WifiSupport([PlaceBelief(Pose2(3.0, 4.0, 0.2), np.diag([1.0, 1.0, variance_rad2]), 0.9)], heard=True)
+    at = Pose2(3.0, 4.0, 0.2)
+    place = PlaceBelief(at, np.diag([1.0, 1.0, variance_rad2]), 0.9)
+    return WifiSupport([place], cloud(at, 0.7, math.sqrt(variance_rad2), 0.9))
+
+
+def test_a_cloud_that_fills_one_aisle_says_nothing_for_the_next_one() -> None:
+    at = Pose2(3.0, 4.0, 0.2)
+    flat = np.column_stack([np.linspace(1.0, 5.0, 1000), np.full(1000, 4.0), np.full(1000, 0.2)])
+    filled = Cloud(flat, np.zeros(1000, np.int64), np.full(1000, 1e-3))
+    heard = WifiSupport([PlaceBelief(at, np.diag([1.33, 0.3, 0.1]), 1.0)], filled)
+    assert heard.nats(Pose2(4.5, 4.0, 0.2), 0) > -0.5
+    assert heard.nats(Pose2(7.3, 4.0, 0.2), 0) < -5.0
+    assert heard.nats(at, 1) == -12.0
 
 
 def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:

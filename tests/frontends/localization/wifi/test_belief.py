@@ -1,6 +1,7 @@
 """What WiFi says of the place: in sound maps, for receivers that differ, and after access points were changed."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,17 @@ def test_with_a_third_of_the_access_points_moved_it_is_found_as_well(building: B
         place = best(after(building, radio().moved(0.3, seed=first), first, 20))
         assert apart_m(place, WAY[first + 19]) < 3.0
         assert place.weight > 0.6
+
+
+def test_what_counts_more_between_places_says_no_more_of_being_in_the_map(building: BuildingMap) -> None:
+    def places(within_map: float) -> list[PlaceBelief]:
+        belief = WifiBelief(building, replace(CONFIG, within_map=within_map))
+        drive(belief, radio(), WAY[AWAY : AWAY + 1])
+        return belief.places(1500)
+
+    mild, sharp = places(1.0), places(2.0)
+    assert sum(p.weight for p in sharp) == pytest.approx(sum(p.weight for p in mild), rel=1e-6)
+    assert sharp[0].weight > 1.02 * mild[0].weight
 
 
 def test_with_all_access_points_replaced_it_is_not_in_this_map(building: BuildingMap) -> None:
