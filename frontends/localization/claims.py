@@ -7,6 +7,7 @@ from wayfi.frontends.localization.cluster import Cluster
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.wifi_support import WifiSupport
 
+TURN_M = 1.0  # of path that a turn of 1 rad counts as where WiFi names the place as well: it shows as many new walls
 SLACK = 2.0  # of the bounds of a sharp pose, once it is claimed: no flicker between two states
 
 
@@ -18,8 +19,10 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     best = cluster.best
     if wifi.is_elsewhere(config.least_in_map):
         return _not_yet(FailureCategory.NOT_IN_MAP, "WiFi hears little that is in this map")
-    fixes, path_m = _needed(cluster.is_sharp(config), wifi.known, config)
-    if best.agreed < fixes or best.agreed_m < path_m:
+    sharp = cluster.is_sharp(config)
+    fixes, path_m = _needed(sharp, wifi.known, config)
+    turns_m = TURN_M * best.agreed_rad if sharp and wifi.known else 0.0
+    if best.agreed < fixes or best.agreed_m + turns_m < path_m:
         needed = f"{fixes} along {path_m:g} m confirm it"
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"{best.agreed} scans in a row agree on a place; {needed}")
     least = config.min_quality if wifi.known else config.min_quality_alone

@@ -19,10 +19,10 @@ SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 class Hypothesis:
     """The robot is at `T_map_base` on a `floor` at the local `keyframe`, with (3, 3) covariance in `map`.
 
-    `evidence` (nats) sums what its fixes lack of a perfect fit; `proposed` searches found it. `quality` is the
-    mean one of its last fixes. `agreed` fixes in a row
-    agree, over `agreed_m` of path; the last `unsure` ones do not, of which the last `contradicted` ones contradict the
-    map. Only fixes at other places than the one before count.
+    `evidence` (nats) sums what its fixes lack of a good fit; `proposed` searches found it. `quality` is the mean one of
+    its last fixes. `agreed` fixes in a row agree, over `agreed_m` of path and `agreed_rad` of turns; the last `unsure`
+    ones do not, of which the last `contradicted` ones contradict the map. Only fixes at other places than the one
+    before count.
     """
 
     T_map_base: Pose2
@@ -35,6 +35,7 @@ class Hypothesis:
     agreed: int = 0
     agreed_from_m: float = 0.0
     agreed_to_m: float = 0.0
+    agreed_rad: float = 0.0
     unsure: int = 0
     contradicted: int = 0
     _counted_at: Pose2 | None = None
@@ -78,20 +79,22 @@ class Hypothesis:
 
     def update(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
         """Correct the pose by a fix that agrees, and count what the fix says if it is from another place."""
-        counts = self.is_new_place(config)
+        counts, before = self.is_new_place(config), self._counted_at
         if fix.agreement is Agreement.AGREES:
             self._correct(fix)
         elif fix.agreement is Agreement.APART:
             self.covariance = APART_SCALE * self.covariance
         if counts:
             self._counted_at = self.T_map_base
-            self._count(fix, path_m, config)
+            turned = abs(wrap(self.T_map_base.theta - before.theta)) if before else 0.0
+            self._count(fix, path_m, turned, config)
 
-    def _count(self, fix: Fix, path_m: float, config: ClaimConfig) -> None:
+    def _count(self, fix: Fix, path_m: float, turned: float, config: ClaimConfig) -> None:
         self.quality += QUALITY_GAIN * (fix.quality - self.quality)
         self.evidence += config.evidence_per_fit * min(fix.quality - config.good_quality, 0.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m
+            self.agreed_rad = 0.0 if self.agreed == 0 else self.agreed_rad + turned
             self.agreed, self.agreed_to_m = self.agreed + 1, path_m
             self.unsure = self.contradicted = 0
             return

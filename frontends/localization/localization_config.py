@@ -62,7 +62,9 @@ class ClaimConfig:
     fixes: int = option(4, "", "agreeing fixes, each from another place")
     apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
     path_m: float = option(1.2, "m", "of path along which they agree")
-    open_path_m: float = option(3.0, "m", "the same where walls leave the place open along them")
+    open_path_m: float = option(
+        5.0, "m", "the same where walls leave the place open along them: WiFi errs by 1.4 m before"
+    )
     fixes_with_wifi: int = option(3, "", "the fixes where WiFi names the place as well and no wall leaves it open")
     path_with_wifi_m: float = option(0.9, "m", "the path there")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")

@@ -13,7 +13,7 @@ from wayfi.frontends.localization.wifi_belief import PlaceBelief
 
 LEAST_NATS = -12.0  # beyond, all is equally impossible: WiFi was never seen to be surer and right
 LEAST = 1e-300  # keeps the logarithm finite
-NEAR_M = 0.7  # sigma of the density around a particle: the fingerprints of a map are as far apart
+NEAR_M = 0.6  # sigma of the density around a particle: the fingerprints of a map are as far apart
 NEAR_RAD = 0.3  # the same of its heading, which the way between WiFi scans tells
 FAR = 5.0  # sigmas from a particle beyond which it adds nothing
 ANY_HEADING = 0.005  # chance that the heading is any other: turned round, a pose is 5 nats less likely at most
