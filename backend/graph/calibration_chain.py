@@ -70,12 +70,14 @@ class CalibrationChain:
         self._rate.add(wheels.motion, match.T_a_b.theta, variance)
 
     def _walk_sigmas(self, stretch: int) -> Floats:
-        """(4,) of the random walk's step to a stretch; where no match shows it, slips come on top."""
+        """(4,) of the random walk's step to a stretch: as learnt; no slower than configured, for wheels also slip.
+
+        Until it is known, it is small where no scan match shows the wheels' error.
+        """
         taught = self._rate.path_m >= self._config.taught_m
-        distances, turns = 1.0, self._rate.factor if taught else 1.0
-        if stretch not in self._matched:
-            distances, turns = (1.0, max(1.0, turns)) if taught else (self._config.unobserved_walk,) * 2
-        return math.sqrt(self._config.stretch_m) * self._rates() * [distances, turns, turns, turns]
+        turns = max(1.0, self._rate.factor) if taught else 1.0
+        observed = 1.0 if taught or stretch in self._matched else self._config.unobserved_walk
+        return observed * math.sqrt(self._config.stretch_m) * self._rates() * [1.0, turns, turns, turns]
 
     def _rates(self) -> Floats:
         """(4,) as configured, for each square root of a metre."""

@@ -45,15 +45,15 @@ def steps_of(run: Run, keyframes: Floats) -> Steps:
 def foretold(steps: Steps, ahead: int) -> Floats:
     """(k,) squared errors over claimed variances of the heading `ahead` keyframes on, from each `ahead`-th keyframe.
 
-    Before it, every true turn was seen, as a laser sees them, and the calibration walks as they have taught. After it
-    none is, and it walks no slower than configured, as in a CalibrationChain.
+    Before it, every true turn was seen, as a laser sees them; after it none. The calibration walks as those before have
+    taught, and no slower than configured, as in a CalibrationChain.
     """
     state, covariance = np.zeros(3), np.diag(calibration_prior(ODOMETRY).sigmas[1:] ** 2)
     walk, ratios = WalkRate(RATES), []
     for k, (H, error, variance) in enumerate(zip(steps.regressors, steps.errors, steps.variances, strict=True)):
-        rates = walk.factor * RATES
+        rates = max(1.0, walk.factor) * RATES
         if k % ahead == 0 and k > 0 and k + ahead <= len(steps.errors):
-            ratios.append(_ahead(steps, slice(k, k + ahead), state, covariance, np.maximum(rates, RATES)))
+            ratios.append(_ahead(steps, slice(k, k + ahead), state, covariance, rates))
         covariance = covariance + np.diag(rates**2) * H[1]
         gain = covariance @ H / (H @ covariance @ H + variance)
         state = state + gain * (error - H @ state)
