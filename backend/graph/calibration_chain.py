@@ -9,6 +9,7 @@ import numpy as np
 from wayfi.backend.graph.backend_config import BackendConfig
 from wayfi.backend.graph.factors import BetweenFactor, Factor, WheelFactor
 from wayfi.backend.graph.gtsam_factors import calibration_key, walk_factor
+from wayfi.backend.graph.walk_rate import WalkRate
 from wayfi.backend.pose2 import Floats
 
 
@@ -19,17 +20,24 @@ class CalibrationChain:
         self._config = config
         self._path_m: list[float] = []
         self._matched: set[int] = set()
+        self._newest: WheelFactor | None = None
+        self._rate = WalkRate(self._rates()[1:])
 
     def add_keyframe(self) -> None:
         """Add the next keyframe, at the place of the one before until a wheel factor says otherwise."""
         self._path_m.append(self._path_m[-1] if self._path_m else 0.0)
 
     def add(self, factor: Factor) -> None:
-        """Take note of a new factor: how far its later keyframe is along the path, or that scans relate the two."""
+        """Take note of a new factor: how far its later keyframe is along the path, or how far the robot really turned.
+
+        A step's wheel factor comes before its scan match.
+        """
         if isinstance(factor, WheelFactor):
             self._path_m[factor.b] = self._path_m[factor.a] + factor.motion.path_m
+            self._newest = factor
         elif isinstance(factor, BetweenFactor) and factor.b == factor.a + 1:
             self._matched.add(self.stretch(factor))
+            self._learn(factor)
 
     def stretch(self, factor: Factor) -> int:
         """The stretch that a factor's later keyframe is on."""
@@ -53,14 +61,25 @@ class CalibrationChain:
             values.insert(calibration_key(stretch), calibrations[min(stretch, len(calibrations) - 1)])
             graph.add(walk_factor(stretch, self._walk_sigmas(stretch)))
 
+    def _learn(self, match: BetweenFactor) -> None:
+        """Compare the scan match of the newest step with its wheels, once."""
+        wheels, self._newest = self._newest, None
+        if wheels is None or wheels.b != match.b or wheels.motion.discontinuities:
+            return
+        variance = float(wheels.covariance[2, 2] + match.covariance[2, 2])
+        self._rate.add(wheels.motion, match.T_a_b.theta, variance)
+
     def _walk_sigmas(self, stretch: int) -> Floats:
-        """(4,) of the random walk's step to a stretch: small where no scan match shows the wheels' error there."""
-        config = self._config
-        rates = (
-            config.walk_distance_scale,
-            config.walk_turn_scale,
-            config.walk_turn_bias_rad_per_m,
-            config.walk_turn_bias_rad_per_s,
-        )
-        observed = 1.0 if stretch in self._matched else config.unobserved_walk
-        return observed * math.sqrt(config.stretch_m) * np.array(rates)
+        """(4,) of the random walk's step to a stretch: as learnt; no slower than configured, for wheels also slip.
+
+        Until it is known, it is small where no scan match shows the wheels' error.
+        """
+        taught = self._rate.path_m >= self._config.taught_m
+        turns = max(1.0, self._rate.factor) if taught else 1.0
+        observed = 1.0 if taught or stretch in self._matched else self._config.unobserved_walk
+        return observed * math.sqrt(self._config.stretch_m) * self._rates() * [1.0, turns, turns, turns]
+
+    def _rates(self) -> Floats:
+        """(4,) as configured, for each square root of a metre."""
+        turn_bias = self._config.walk_turn_bias_rad_per_m, self._config.walk_turn_bias_rad_per_s
+        return np.array([self._config.walk_distance_scale, self._config.walk_turn_scale, *turn_bias])

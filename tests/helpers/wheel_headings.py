@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.pose2 import Floats, between_all, wrap_all
+from wayfi.backend.graph.walk_rate import WalkRate
+from wayfi.backend.graph.wheel_calibration import WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2, between_all, wrap_all
 from wayfi.frontends.odometry.odometry_config import OdometryConfig, calibration_prior
 from wayfi.recordings.simulation.run import Run, odometry
 
 BACKEND, ODOMETRY = BackendConfig(), OdometryConfig()
+RATES = np.array([BACKEND.walk_turn_scale, BACKEND.walk_turn_bias_rad_per_m, BACKEND.walk_turn_bias_rad_per_s])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,23 +42,38 @@ def steps_of(run: Run, keyframes: Floats) -> Steps:
     return Steps(np.column_stack([turns, path_m, np.diff(keyframes)]), wrap_all(true - turns), variances)
 
 
-def foretold(steps: Steps, ahead: int, walk: float = 1.0) -> Floats:
+def foretold(steps: Steps, ahead: int) -> Floats:
     """(k,) squared errors over claimed variances of the heading `ahead` keyframes on, from each `ahead`-th keyframe.
 
-    Before it, every true turn was seen, as a laser sees them; after it none. `walk` multiplies the random walk of the
-    calibration while nothing is seen, as `unobserved_walk` does.
+    Before it, every true turn was seen, as a laser sees them; after it none. The calibration walks as those before have
+    taught, and no slower than configured, as in a CalibrationChain.
     """
-    rates = np.array([BACKEND.walk_turn_scale, BACKEND.walk_turn_bias_rad_per_m, BACKEND.walk_turn_bias_rad_per_s])
     state, covariance = np.zeros(3), np.diag(calibration_prior(ODOMETRY).sigmas[1:] ** 2)
-    ratios = []
+    walk, ratios = WalkRate(RATES), []
     for k, (H, error, variance) in enumerate(zip(steps.regressors, steps.errors, steps.variances, strict=True)):
+        rates = max(1.0, walk.factor) * RATES
         if k % ahead == 0 and k > 0 and k + ahead <= len(steps.errors):
-            ratios.append(_ahead(steps, slice(k, k + ahead), state, covariance, walk * rates))
+            ratios.append(_ahead(steps, slice(k, k + ahead), state, covariance, rates))
         covariance = covariance + np.diag(rates**2) * H[1]
         gain = covariance @ H / (H @ covariance @ H + variance)
         state = state + gain * (error - H @ state)
         covariance = covariance - np.outer(gain, H) @ covariance
+        learn(walk, H, error, variance)
     return np.array(ratios)
+
+
+def learnt(steps: Steps) -> float:
+    """The factor on the configured rates of the walk that a drive's steps teach."""
+    walk = WalkRate(RATES)
+    for H, error, variance in zip(steps.regressors, steps.errors, steps.variances, strict=True):
+        learn(walk, H, error, variance)
+    return walk.factor
+
+
+def learn(walk: WalkRate, regressors: Floats, error: float, variance: float) -> None:
+    """Let it see a step's true turn."""
+    turn, path_m, seconds = regressors.tolist()
+    walk.add(WheelMotion(Pose2(path_m, 0.0, turn), path_m, seconds), turn + error, variance)
 
 
 def _ahead(steps: Steps, window: slice, state: Floats, covariance: Floats, rates: Floats) -> float:

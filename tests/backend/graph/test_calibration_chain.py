@@ -85,3 +85,29 @@ def test_motions_that_are_replaced_keep_the_solution_they_agree_with() -> None:
     assert graph.restarts
     graph.update()
     np.testing.assert_allclose(graph.poses(), before, atol=0.02)
+
+
+def test_where_the_laser_falls_silent_the_calibration_walks_on_as_it_has_taught() -> None:
+    """Else a drive into a dark hall would claim its heading by wheels that were seen to change."""
+    still, quick = after_matches(rate=0.0), after_matches(rate=0.002)
+    assert still == pytest.approx(CONFIG.walk_turn_bias_rad_per_m, rel=0.01)
+    assert quick == pytest.approx(0.002, rel=0.33)
+
+
+def after_matches(rate: float) -> float:
+    """The rate at which the claimed variance of the turn bias grows, 30 m without matches after 200 m with them."""
+    rng, graph, turn_bias = np.random.default_rng(4), PoseGraph(CONFIG, PRIOR), 0.0
+    graph.add_keyframe(Pose2())
+    graph.update()
+    sigmas = []
+    for k in range(STEPS + 60):
+        turn_bias += rate * math.sqrt(STEP_M) * rng.normal()
+        motion = WheelMotion(Pose2(STEP_M, 0.0, rng.normal(0.0, 0.002) - turn_bias * STEP_M), STEP_M, 1.0)
+        graph.add_keyframe(Pose2(STEP_M * (k + 1), 0.0, 0.0))
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS))
+        if k < STEPS:
+            graph.add(BetweenFactor(k, k + 1, Pose2(STEP_M, 0.0, 0.0), MATCH))
+        graph.update()
+        if k >= STEPS:
+            sigmas.append(graph.calibration().sigmas[2])
+    return math.sqrt((sigmas[-1] ** 2 - sigmas[0] ** 2) / (STEP_M * len(sigmas)))
