@@ -176,6 +176,12 @@ class DrivenPath:
         lengths = self.lengths_at(last.stamp_ns - seconds * SECOND_NS)
         return float(np.nanmax(-np.diff(lengths), initial=0.0))
 
+    def newest_second(self) -> Pose2 | None:
+        """The motion of the newest second; None where the path is shorter."""
+        last = self.latest
+        before = self.at(last.stamp_ns - SECOND_NS) if last else None
+        return before.T_path_base.between(last.T_path_base) if before and last else None
+
     def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
         known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
