@@ -25,6 +25,11 @@ class LaserOdometry:
         self._errors = _GuessErrors(config.max_range_m)
         self._pose, self._step = np.eye(4), np.eye(4)
 
+    def expect(self, step: Pose2) -> None:
+        """Guess the next step to be this one, which others know, instead of the last one."""
+        c, s = math.cos(step.theta), math.sin(step.theta)
+        self._step[:2] = [[c, -s, 0.0, step.x], [s, c, 0.0, step.y]]
+
     def match(self, points: Floats) -> Pose2:
         """Match a scan of (n, 2) `points` in base_link, m, to those before it; returns T_odom_base."""
         away_m = np.hypot(points[:, 0], points[:, 1])

@@ -30,10 +30,14 @@ class ScanMatch:
 
 
 class SubmapRays(NamedTuple):
-    """The scans that a submap is made of, whose rays tell where there is nothing, at (n, 3) `poses` in its frame."""
+    """The scans that a submap is made of, whose rays tell where there is nothing, at (n, 3) `poses` in its frame.
+
+    `protect`: they protect every guess from what fits by chance, not only one along walls that leave it nearly open.
+    """
 
     scans: list[ScanPoints]
     poses: Floats
+    protect: bool
 
 
 def merge_submap(scans: list[ScanPoints], poses: Floats, cell_m: float) -> PointIndex | None:
@@ -76,17 +80,24 @@ def _fits_better(
     """Whether a pose `found` fits clearly better than the `result` does, also among the points in sight of the submap.
 
     In a bare corridor a scan that is moved back has more inliers, since its far end then lies on walls seen before; but
-    all that is in sight fits the pose ahead as well, whose far end has not been seen yet.
+    all that is in sight fits the pose ahead as well, whose far end has not been seen yet. Where walls fix the pose in
+    every direction, the guess of poor wheels needs no such protection: inliers alone decide.
     """
     if found.inlier_ratio <= result.inlier_ratio + config.search.min_gain:
         return False
-    if rays is None:
+    if rays is None or not (rays.protect or nearly_open(found.information, config)):
         return True
     before, after = (
         fit_in_sight(r.inlier_ratio, scan, r.T_target_scan, rays.scans, rays.poses, config.visibility)
         for r in (result, found)
     )
     return after > before + config.search.min_gain
+
+
+def nearly_open(information: Floats, config: LidarConfig) -> bool:
+    """Whether the points tell far less along one direction than across it, as in a corridor."""
+    along, across = np.linalg.eigvalsh(information[:2, :2])
+    return bool(along < config.search.nearly_open * across)
 
 
 def as_match(result: IcpResult, T: Pose2, config: LidarConfig) -> ScanMatch:

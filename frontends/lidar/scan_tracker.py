@@ -65,9 +65,8 @@ class ScanTracker:
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None
-        # the guess of poor wheels needs no protection: the search then decides by inliers alone
         poor = self.covariance_scale > self._trust.search_above
-        search_below, rays = (math.inf, None) if poor else (self._lidar.search_below, SubmapRays(scans, placed))
+        search_below, rays = math.inf if poor else self._lidar.search_below, SubmapRays(scans, placed, not poor)
         covariance = self.wheel_covariance(motion)
         match = match_scan(scan, submap, guess, covariance, search_below, self._lidar, rays)
         tracked = KeyframeMatch(match, submap.points, AGREES)

@@ -65,6 +65,7 @@ class AcceptedOdometry:
         pose, converted = self._units.convert(m.stamp_ns, pose)
         if switched or converted or integrated == ENDS:
             self.path.restart()
+            self.path.forget_aside()
         told = switched or integrated or converted or self._tell_if_headless(pose)
         accepted = self._add(m if pose is m.pose else replace(m, pose=pose), Sensor.ODOM)
         return replace(accepted, told=told) if told else accepted
@@ -89,8 +90,11 @@ class AcceptedOdometry:
 
     def begin_stand_in(self) -> None:
         """Let the laser or /tf lead until the next sound message of the wheels."""
+        if self._stand_in_leads:
+            self.path.restart()
+        else:
+            self.path.set_aside()
         self._stand_in_leads = True
-        self.path.restart()
 
     def follow_laser(self, stamp_ns: int, T_odom_base: Pose2) -> Accepted:
         """Add a pose by the laser, which leads, to the path; its stamp is later than the path's end."""
@@ -111,7 +115,7 @@ class AcceptedOdometry:
         """Let the wheels lead; returns whether the laser or /tf did."""
         ended, self._stand_in_leads = self._stand_in_leads, False
         if ended:
-            self.path.restart()
+            self.path.take_up()
         return ended
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
@@ -37,6 +37,15 @@ class PathPoint:
         return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
 
 
+@dataclass(frozen=True, slots=True)
+class _SetAside:
+    """The newest point by wheels that fell silent, the pose that they gave there, and how fast they had been, m/s."""
+
+    point: PathPoint
+    raw: Pose2
+    fastest_m_s: float
+
+
 class DrivenPath:
     """The recent path by odometry. Poses jump when a robot's base restarts; such a step counts as no motion.
 
@@ -48,6 +57,8 @@ class DrivenPath:
         self._points: deque[PathPoint] = deque()
         self._raw: Pose2 | None = None
         self._restarts = self._was_away = False
+        self._aside: _SetAside | None = None
+        self._regains = False
         self.leapt_m = self.leapt_rad = 0.0
 
     @property
@@ -64,11 +75,26 @@ class DrivenPath:
 
     def restart(self) -> None:
         """Join the next pose without motion: the source of the odometry has changed."""
-        self._raw, self._restarts = None, True
+        self._raw, self._restarts, self._regains = None, True, False
+
+    def set_aside(self) -> None:
+        """The wheels fell silent: join the next pose, of what leads in their place, without motion."""
+        last = self.latest
+        self._aside = _SetAside(last, self._raw, self._fastest_m_s(last)) if last and self._raw else None
+        self.restart()
+
+    def take_up(self) -> None:
+        """The wheels are back: the next pose tells the motion since `set_aside`, for they counted meanwhile."""
+        self.restart()
+        self._regains = self._aside is not None
+
+    def forget_aside(self) -> None:
+        """The next pose of the wheels says nothing of the motion since `set_aside`: it is by another count."""
+        self._aside = None
 
     def rejoin(self, T_odom_base: Pose2) -> None:
         """Join the next pose by the motion since this one, which the new source gave for the path's end or before."""
-        if self._restarts:
+        if self._restarts and not self._regains:
             self._raw = T_odom_base
 
     def go_on(self) -> None:
@@ -80,10 +106,13 @@ class DrivenPath:
         copy = DrivenPath(self._config)
         copy._points.extend(list(self._points)[-1:])
         copy._raw, copy._restarts, copy._was_away = self._raw, self._restarts, self._was_away
+        copy._aside, copy._regains = self._aside, self._regains
         return copy
 
     def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
         """Add a pose; False if the step was not plausible and was taken as no motion."""
+        if self._regains:
+            self._regain(stamp_ns, T_odom_base)
         last = self.latest
         plausible, discontinuities = True, last.discontinuities if last else 0
         self.leapt_m = self.leapt_rad = 0.0
@@ -105,6 +134,53 @@ class DrivenPath:
         while self._points[0].stamp_ns < stamp_ns - kept_ns and len(self._points) > 2:
             self._points.popleft()
         return plausible
+
+    def _regain(self, stamp_ns: int, T_odom_base: Pose2) -> None:
+        """Move the path's end to where the wheels put it, which were silent and give `T_odom_base` now.
+
+        Between two of their poses they are assumed to have turned evenly. The end stays where `_counted` denies.
+        """
+        aside, last = self._aside, self.latest
+        self._aside, self._regains = None, False
+        assert aside is not None
+        assert last is not None
+        motion = aside.raw.between(T_odom_base)
+        if not self._counted(aside, motion, stamp_ns):
+            return
+        fraction = (last.stamp_ns + 1 - aside.point.stamp_ns) / (stamp_ns - aside.point.stamp_ns)
+        since = Pose2().interpolate(motion, fraction)
+        T_path_base = aside.point.T_path_base @ since
+        path_m = last.path_m + last.T_path_base.distance(T_path_base)
+        self._points.append(PathPoint(last.stamp_ns + 1, T_path_base, path_m, last.discontinuities))
+        self._raw = aside.raw @ since
+
+    def _counted(self, aside: _SetAside, motion: Pose2, stamp_ns: int) -> bool:
+        """Whether wheels that were silent until `stamp_ns` counted on, so that their `motion` tells the way meanwhile.
+
+        They did not if they moved further than they had ever, turned otherwise than what led meanwhile, or stood while
+        that moved. Over a long silence what led knows more than they do.
+        """
+        config, last = self._config, self.latest
+        assert last is not None
+        seconds = (stamp_ns - aside.point.stamp_ns) * NANOSECOND_S
+        led = aside.point.T_path_base.between(last.T_path_base)
+        driven_m, led_m = math.hypot(motion.x, motion.y), math.hypot(led.x, led.y)
+        if seconds > config.regain_s or abs(wrap(motion.theta - led.theta)) > config.regain_rad:
+            return False
+        stood = driven_m < config.keyframe_still_m < led_m
+        return not stood and driven_m <= aside.fastest_m_s * seconds + config.min_leap_m
+
+    def _fastest_m_s(self, last: PathPoint) -> float:
+        """The longest way of a second, in the path that is kept."""
+        seconds = np.arange(int(self._config.path_s))
+        lengths = self.lengths_at(last.stamp_ns - seconds * SECOND_NS)
+        return float(np.nanmax(-np.diff(lengths), initial=0.0))
+
+    def newest_second(self) -> Pose2 | None:
+        """The motion of the newest second; None where the path is shorter."""
+        last = self.latest
+        before = self.at(last.stamp_ns - SECOND_NS) if last else None
+        return before.T_path_base.between(last.T_path_base) if before and last else None
 
     def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""

@@ -54,6 +54,12 @@ class OdometryConfig:
     laser_lead_s: float = option(
         2.0, "s", "of scans without odometry until the laser leads: longer than any hiccup seen"
     )
+    regain_s: float = option(
+        15.0,
+        "s",
+        "of silence, after which wheels tell the way meanwhile: 0.1 m and 0.03 rad; over 60 s 6 m and 0.5 rad",
+    )
+    regain_rad: float = option(0.1, "rad", "by which they may contradict the turn by what led meanwhile")
     max_speed_m_s: float = option(5.0, "m/s", "indoor robots drive below 3; faster is a reset of the odometry")
     min_leap_m: float = option(0.5, "m", "a shorter step is no reset, whatever its speed: stamps of a burst lie close")
     max_turn_rad_s: float = option(8.0, "rad/s", "a real robot that was bumped had 6; faster is a reset")

@@ -96,3 +96,16 @@ def test_a_scan_without_points_leaves_it_on_its_way() -> None:
     for points in scans(10):
         before = odometry.match(points)
     assert odometry.match(np.empty((0, 2))).distance(before) == pytest.approx(STEP.x, abs=0.05)
+
+
+def test_a_step_that_others_know_is_looked_for_first() -> None:
+    """Racks that repeat every metre: from a step of 0.9 m the nearest fit would be the rack behind."""
+    racks = np.stack(np.meshgrid(np.arange(-15.0, 16.0), [-1.5, 1.5]), axis=-1).reshape(-1, 2)
+    step = Pose2(0.9, 0.0, 0.0)
+    for expected in (False, True):
+        odometry = LaserOdometry(CONFIG)
+        odometry.match(racks)
+        if expected:
+            odometry.expect(step)
+        found = odometry.match(step.inverse().transform(racks))
+        assert (found.distance(step) < 0.1) == expected

@@ -17,6 +17,7 @@ from wayfi.frontends.lidar.scan_matching import (
     match_covariance,
     match_scan,
     merge_submap,
+    nearly_open,
     without_prior,
 )
 from wayfi.frontends.scan_points import ScanPoints
@@ -111,16 +112,25 @@ def near(pose: Pose2, seed: int) -> ScanPoints:
     return scan_from_points(seen.points[np.hypot(*seen.points.T) < 6.0], Pose2(), LIDAR)
 
 
-@pytest.mark.parametrize("protected", [True, False])
+@pytest.mark.parametrize("protect", [True, False, None])
 def test_a_robot_is_not_held_back_in_a_bare_corridor_where_a_scan_fits_better_the_further_back_it_is(
-    protected: bool,
+    protect: bool | None,
 ) -> None:
-    """Wheels lead 1 m ahead, and rightly; the search, told of the submap's rays, leaves them alone."""
+    """Wheels lead 1 m ahead, and rightly; the search, told of the submap's rays, leaves them alone, even poor ones."""
     scans, poses = [near(Pose2(-0.5 * k, 0.0, 0.0), k) for k in range(8)], -0.5 * np.arange(8.0)[:, None] * [1.0, 0, 0]
     submap = merge_submap(scans, poses, LIDAR.cell_m)
     assert submap is not None
     guess = Pose2(2.0, 0.0, 0.0)
-    rays = SubmapRays(scans, poses) if protected else None
+    rays = None if protect is None else SubmapRays(scans, poses, protect)
     match = match_scan(near(guess, 9), submap, guess, WHEELS, 1.0, LIDAR, rays)
     back_m = guess.x - match.T_submap_scan.x
-    assert back_m < 0.05 if protected else back_m > 0.3
+    assert back_m > 0.3 if protect is None else back_m < 0.05
+
+
+@settings(deadline=None)
+@given(st.floats(-3, 3), st.floats(0.001, 0.99))
+def test_walls_leave_a_direction_nearly_open_by_its_share_of_the_information(theta: float, share: float) -> None:
+    turned = information(theta, share * 1e5, 1e5)
+    assert nearly_open(turned, LIDAR) == (share < LIDAR.search.nearly_open) or share == pytest.approx(
+        LIDAR.search.nearly_open
+    )

@@ -1,5 +1,6 @@
 """Which messages extend the path: the same for the pipeline and for whoever goes on from a copy of its state."""
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -98,3 +99,69 @@ def test_a_leap_is_told_and_counts_as_no_motion() -> None:
     assert before.point is not None
     assert after.point is not None
     assert after.point.path_m == before.point.path_m
+
+
+def test_wheels_that_were_silent_tell_the_whole_motion_whatever_led_meanwhile() -> None:
+    odometry = AcceptedOdometry(CONFIG)
+    accept_all(odometry, SOUND[:5])
+    before = odometry.path.latest
+    odometry.begin_stand_in()
+    odometry.follow_laser(SOUND[6].stamp_ns, Pose2())
+    odometry.follow_laser(SOUND[8].stamp_ns, Pose2(0.0, 0.01, 0.1))
+    tip = odometry.tip()
+    after = accept_all(odometry, SOUND[12:14])
+    motion = before.motion_to(after[0].point) if before and after[0].point else None
+    assert motion is not None
+    expected = SOUND[4].pose.between(SOUND[12].pose)
+    np.testing.assert_allclose(motion.pose.array(), expected.array(), atol=1e-9)
+    np.testing.assert_allclose(motion.path_m, 8 * STEP.x, rtol=0.1)
+    assert after[0].plausible
+    assert accept_all(tip, SOUND[12:14]) == after
+
+
+def test_wheels_that_began_anew_while_they_were_silent_say_nothing_of_the_way() -> None:
+    odometry = AcceptedOdometry(CONFIG)
+    odometry.accept(Odometry(0, Pose2(7.0, 0.0, 0.0)))
+    odometry.accept(Odometry(SECOND_NS, Pose2(7.5, 0.0, 0.0)))
+    odometry.begin_stand_in()
+    odometry.follow_laser(4 * SECOND_NS, Pose2())
+    led = odometry.follow_laser(5 * SECOND_NS, Pose2(0.6, 0.0, 0.0))
+    back = odometry.accept(Odometry(6 * SECOND_NS, Pose2(0.1, 0.0, 0.0)))
+    assert led.point is not None
+    assert back.point is not None
+    assert back.point.T_path_base == led.point.T_path_base
+
+
+SPEED_M_S = 1.0
+
+
+def regained(led: Pose2, back: Pose2, silent_s: int = 5) -> bool:
+    """Whether wheels that drove at a steady speed, were silent, and then give `back` from there, move what `led`."""
+    odometry = AcceptedOdometry(CONFIG)
+    before = Pose2(20.0, 0.0, 0.0)
+    for second in range(4):
+        odometry.accept(Odometry(second * SECOND_NS, before @ Pose2(SPEED_M_S * (second - 3), 0.0, 0.0)))
+    odometry.begin_stand_in()
+    odometry.follow_laser(5 * SECOND_NS, Pose2())
+    last = odometry.follow_laser((2 + silent_s) * SECOND_NS, led).point
+    point = odometry.accept(Odometry((3 + silent_s) * SECOND_NS, before @ back)).point
+    assert last is not None
+    assert point is not None
+    return point.T_path_base != last.T_path_base
+
+
+@pytest.mark.parametrize(
+    ("led", "back", "silent_s", "told"),
+    [
+        pytest.param(Pose2(0.1, 0.0, 0.0), Pose2(5.0, 0.0, 0.0), 5, True, id="they counted on"),
+        pytest.param(Pose2(-5.6, 0.0, 0.0), Pose2(5.0, 0.0, 0.0), 5, True, id="the laser went the other way"),
+        pytest.param(Pose2(5.0, 0.0, 0.0), Pose2(), 5, False, id="they stood while the laser moved"),
+        pytest.param(Pose2(5.0, 0.0, 0.0), Pose2(5.0, 0.0, 0.2), 5, False, id="they turned otherwise"),
+        pytest.param(Pose2(5.0, 0.0, 0.0), Pose2(-15.0, 0.0, 0.0), 5, False, id="they began anew"),
+        pytest.param(Pose2(0.1, 0.0, 0.0), Pose2(16.0, 0.0, 0.0), 16, False, id="they were silent for long"),
+    ],
+)
+def test_wheels_tell_the_way_of_a_silence_only_if_they_counted_on(
+    led: Pose2, back: Pose2, silent_s: int, told: bool
+) -> None:
+    assert regained(led, back, silent_s) == told
