@@ -74,8 +74,9 @@ def test_names_are_whole_at_80_columns(
     columns: str, some: list[Arrival], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.chdir(tmp_path)
     plain = write(tmp_path / "plain.mcap", some)
-    done = wayfi("inspect", on_topics(plain, tmp_path / "long.mcap", {"/scan": LONG}))
+    done = wayfi("inspect", on_topics(plain, Path("long.mcap"), {"/scan": LONG}))
     assert done.exit_code == 0
     assert LONG in done.stdout
     assert "…" not in done.stdout
