@@ -124,7 +124,8 @@ def _polar(points: Floats) -> tuple[Floats, Floats]:
 def _closed(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
     """Sorted bearings with the last one before and the first one after them, a turn away."""
     turn = 2 * math.pi
-    return np.r_[bearings[-1:] - turn, bearings, bearings[:1] + turn], np.r_[ranges[-1:], ranges, ranges[:1]]
+    around = np.concatenate([bearings[-1:] - turn, bearings, bearings[:1] + turn])  # np.r_ takes ten times as long
+    return around, np.concatenate([ranges[-1:], ranges, ranges[:1]])
 
 
 @njit(cache=True)

@@ -25,18 +25,29 @@ from wayfi.frontends.wifi.readings import PlacedWifiScan
 
 
 class ContinuedSlam(SlamCore):
-    """The drive is estimated from its beginning; no pose is claimed before it is found in the map `building`."""
+    """The drive is estimated from its beginning; no pose is claimed before it is found in the map `building`.
+
+    Joining the two graphs is the work of several messages: meanwhile the pose is the one that was found, followed on.
+    """
 
     def __init__(self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap) -> None:
         super().__init__(config, prior, timer, building)
         self._finding: LocalizationCore | None = LocalizationCore(config, prior, timer, building)
+        self._joining: MapFix | None = None  # what joins the map, while the graph is being rebuilt with it
+
+    @property
+    def floor(self) -> int | None:
+        """The floor of the map on which the robot is."""
+        return self._finding.floor if self._finding and self._joining else super().floor
 
     def anchor(self) -> Anchor | None:
         """The newest keyframe as the anchor of poses since then; None while the robot is not found."""
-        return None if self._finding else super().anchor()
+        if self._finding is None:
+            return super().anchor()
+        return self._finding.anchor() if self._joining else None
 
     def made_map(self) -> BuildingMap | None:
-        """The map with what the drive has added so far; None while the robot is not found."""
+        """The map with what the drive has added so far; None while the robot is not found, or joins it."""
         return None if self._finding else super().made_map()
 
     def take_over(self, stamp_ns: int, T_map_base: Pose2, covariance: Floats, floor: int) -> list[Event]:
@@ -76,33 +87,47 @@ class ContinuedSlam(SlamCore):
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""
         events = super().go_on(stamp_ns)
-        return events + (self._sought(stamp_ns, self._finding.go_on(stamp_ns)) if self._finding else [])
+        if self._finding is None:
+            return events
+        if self._joining:
+            with self._timer("backend"):
+                self._graph.update()
+        return events + self._sought(stamp_ns, self._finding.go_on(stamp_ns))
 
     def _sought(self, stamp_ns: int, events: list[Event]) -> list[Event]:
         """Join the map once the robot is found; `events` are those of looking for it."""
-        found = self._finding.found if self._finding else None
-        if found is None:
-            return events
-        self._finding = None
-        return [*events, *self._join(stamp_ns, self._fix(found))]
+        if self._joining is None and self._finding is not None:
+            found = self._finding.found
+            return [*events, self._begin_joining(self._fix(found))] if found else events
+        return events if self._graph.restarts else [*events, *self._joined(stamp_ns)]
 
-    def _join(self, stamp_ns: int, fix: MapFix) -> list[Event]:
-        """Move the drive to where it was found in the map."""
-        keyframes, poses = self.keyframes, self.poses.copy()
+    def _begin_joining(self, fix: MapFix) -> Event:
+        """Let the graph be rebuilt with the drive where it was found in the map."""
+        self._joining, poses = fix, self.poses.copy()
         T = Pose2.of(poses[fix.a]) @ fix.T_a_b @ Pose2.of(poses[fix.b]).inverse()
-        poses[keyframes.first :] = compose_all(T.array(), poses[keyframes.first :])
-        keyframes.join(fix.a)
+        poses[self.keyframes.first :] = compose_all(T.array(), poses[self.keyframes.first :])
         judged = self._lidar_closer.enter_fix(fix)
         self._graph.restart(self._graph.calibrations(), poses)
-        self._graph.settle()
-        return [judged, *self._estimate.update(stamp_ns, moved=True)]
+        return judged
+
+    def _joined(self, stamp_ns: int) -> list[Event]:
+        """Go on in the map: the graph has been rebuilt."""
+        assert self._joining is not None
+        self.keyframes.join(self._joining.a)
+        self._finding = self._joining = None
+        return [*self._estimate.update(stamp_ns, moved=True), *self._observe(stamp_ns)]
 
     def finish(self, trajectories: Trajectories) -> tuple[DriveEstimate, list[Event]]:
         """Close the last loops, and leave out of the map what the drive has only repeated.
 
         If the robot was not found, the drive is a map of its own.
         """
-        result, events = super().finish(trajectories)
+        joined: list[Event] = []
+        if self._joining:
+            self._graph.settle()
+            joined = self._joined(self.keyframes.newest.point.stamp_ns)
+        result, last = super().finish(trajectories)
+        events = joined + last
         if self._finding is None or not self.keyframe_count:
             kept = pruned(result.building, self._config.pruning, self._config.lidar.visibility, self._config.map)
             return replace(result, building=kept), events

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from buildings.robots import drive
 from buildings.storey import ROUTE, another_building, storey
 from drives import Simulated
 
+from wayfi.backend.graph.health import State
+from wayfi.backend.graph.pose_graph import REBUILD_WORK, PoseGraph, UpdateSummary
 from wayfi.backend.pose2 import Floats, rigid_fit
 from wayfi.frontends.events import Event, PosePublished, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
@@ -56,6 +59,44 @@ def test_another_day_is_estimated_in_the_frame_of_the_map_and_keeps_its_size() -
     moved_m = [np.hypot(*(pose - known[k.stamp_ns])[:2]) for k, pose in kept if k.stamp_ns in known]
     assert len(moved_m) > 0.7 * len(kept)
     assert max(moved_m) < 0.1
+
+
+def test_joining_is_sliced_and_the_pose_that_was_found_is_claimed_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    building, truth = first_day()
+    again = drive(storey(1), ROUTE[::-1], day=1)
+    pipeline, works, update = Pipeline(CONFIG, building=building, extends=True), [], PoseGraph.update
+
+    def counted(graph: PoseGraph, work: float = REBUILD_WORK) -> UpdateSummary:
+        works.append((work, graph.restarts))
+        return update(graph, work)
+
+    monkeypatch.setattr(PoseGraph, "update", counted)
+    stream = (event for a in again.arrivals for event in pipeline.process(a.measurement))
+    published = list(islice((e for e in stream if isinstance(e, PosePublished)), 50))
+    assert sum(restarts for _, restarts in works) >= 3  # messages of joining
+    assert max(work for work, _ in works) <= REBUILD_WORK
+    assert {e.state for e in published} == {State.TRACKING}
+    stamps = np.array([k.stamp_ns for k in building.keyframes])
+    T = rigid_fit(building.poses[:, :2], truth.truth.at(stamps)[:, :2])
+    xy = T.transform(np.array([[e.T_map_base.x, e.T_map_base.y] for e in published]))
+    off = np.hypot(*(xy - again.truth.at(np.array([e.stamp_ns for e in published]))[:, :2]).T)
+    assert off.max() < 0.15
+    assert pipeline.made_map() is not None  # joined by now
+
+
+def test_a_drive_that_ends_while_it_joins_is_in_the_map() -> None:
+    building, truth = first_day()
+    again = drive(storey(1), ROUTE[::-1], day=1)
+    pipeline = Pipeline(CONFIG, building=building, extends=True)
+    for arrival in again.arrivals:
+        if any(isinstance(event, PosePublished) for event in pipeline.process(arrival.measurement)):
+            break
+    assert pipeline.made_map() is None  # not yet joined
+    result, events = pipeline.finish()
+    assert not any(isinstance(event, Warned) for event in events)
+    assert not result.is_separate
+    assert off_m(result, again, building, truth).max() < 0.15
+    assert len(result.building.keyframes) >= len(building.keyframes)
 
 
 def test_in_another_building_the_drive_is_a_map_of_its_own() -> None:

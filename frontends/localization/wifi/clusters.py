@@ -53,13 +53,19 @@ def places_of(
 
 def _peak(poses: Floats, floor: NDArray[np.int64], weights: Floats) -> int:
     """The number of a particle in the densest cell."""
-    cells = np.column_stack([np.floor(poses[:, :2] / CELL_M).astype(np.int64), floor])
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
+    _, cell = np.unique(_cells(poses, floor), return_inverse=True)
     heaviest = int(np.argmax(np.bincount(cell, weights)))
     members = np.flatnonzero(cell == heaviest)
     middle = weights[members] @ poses[members, :2] / weights[members].sum()
     return int(members[np.argmin(np.hypot(*(poses[members, :2] - middle).T))])
+
+
+def _cells(poses: Floats, floor: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) a number for the cell of each of `poses` (n, 3): they grow along x, then y, then by the floor."""
+    cells = np.column_stack([np.floor(poses[:, :2] / CELL_M).astype(np.int64), floor])
+    cells -= cells.min(axis=0)
+    _, columns, floors = (cells.max(axis=0) + 1).tolist()
+    return np.asarray((cells[:, 0] * columns + cells[:, 1]) * floors + cells[:, 2])
 
 
 def _place(poses: Floats, weights: Floats, floor: int, floor_m: float) -> PlaceBelief:

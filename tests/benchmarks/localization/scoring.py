@@ -1,6 +1,7 @@
 """The scores of one run of localisation against truth: when the right place was found, and what was claimed falsely.
 
 A claim is a pose that was published while TRACKING or UNCERTAIN. Misses (nothing claimed) and false claims are apart.
+A claim stands until the next one, or until the state takes it back, however rarely the robot publishes.
 """
 
 import math
@@ -36,7 +37,7 @@ BY_WIFI = Bounds(3.0, math.inf, 6.0, math.inf)  # without a laser: the place alo
 
 
 class End(StrEnum):
-    """What the last message of a run found."""
+    """What was claimed at the end of a run."""
 
     RIGHT = "right"
     OFF = "off"
@@ -177,21 +178,31 @@ def _found(right: Flags, false: Flags) -> int | None:
 
 
 def _right_after(run: Run, stamps_ns: Stamps, right: Flags, found: int | None) -> float:
-    """The share of the time from the claim `found` to the end of the run in which the latest second has a right claim.
+    """The share of the time from the claim `found` to the end of the run in which a right claim stands.
 
-    Whole seconds count: claims come at the rate of the odometry, whatever that is.
+    Whole seconds count, each that begins with such a claim or gets one.
     """
     if found is None:
         return 0.0
-    whole = range(int(stamps_ns[found]), max(run.end_ns - SECOND_NS, int(stamps_ns[found]) + 1), SECOND_NS)
-    having = set(((stamps_ns[found:][right[found:]] - stamps_ns[found]) // SECOND_NS).tolist())
-    return round(sum(k in having for k in range(len(whole))) / len(whole), 3)
+    begin_ns = int(stamps_ns[found])
+    whole = np.arange(begin_ns, max(run.end_ns - SECOND_NS, begin_ns + 1), SECOND_NS)
+    having = np.isin(np.arange(len(whole)), (stamps_ns[found:][right[found:]] - begin_ns) // SECOND_NS)
+    newest = [_standing(run, stamps_ns, int(at_ns)) for at_ns in whole]
+    having |= np.array([k is not None and bool(right[k]) for k in newest])
+    return round(float(having.mean()), 3)
 
 
-END_S = 1.0  # the last claim has to be of the last second
+def _standing(run: Run, stamps_ns: Stamps, at_ns: int) -> int | None:
+    """The number of the newest claim at a moment; None if there is none, or the state has taken it back since."""
+    newest = int(np.searchsorted(stamps_ns, at_ns, side="right")) - 1
+    if newest < 0:
+        return None
+    since = [c.state for c in run.changes if stamps_ns[newest] <= c.stamp_ns <= at_ns]
+    return None if since and since[-1] not in CLAIMED else newest
 
 
 def _end(run: Run, stamps_ns: Stamps, right: Flags, false: Flags) -> End:
-    if not len(stamps_ns) or stamps_ns[-1] < run.end_ns - round(END_S * SECOND_NS):
+    last = _standing(run, stamps_ns, run.end_ns)
+    if last is None:
         return End.NOTHING
-    return End.RIGHT if right[-1] else End.FALSE if false[-1] else End.OFF
+    return End.RIGHT if right[last] else End.FALSE if false[last] else End.OFF

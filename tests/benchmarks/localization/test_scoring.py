@@ -1,10 +1,11 @@
 """The scores of a run tell right from false, and misses from both."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.localization.scoring import BY_WIFI, Claim, End, Run, Score, score
+from benchmarks.localization.scoring import BY_WIFI, Change, Claim, End, Run, Score, score
 
 from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Pose2
@@ -90,9 +91,26 @@ def test_an_error_in_the_grace_after_a_kidnapping_is_forgiven() -> None:
 
 def test_the_end_of_a_run_is_scored_as_well() -> None:
     assert scored(lambda t: Pose2(32.0) if t > 59 else Pose2()).end is End.FALSE
-    gone = scored(lambda t: None if t > 40 else Pose2())
+
+
+def test_a_claim_that_was_taken_back_does_not_stand_any_more() -> None:
+    run = run_that_claims(lambda t: None if t > 40 else Pose2())
+    lost = Change(START_NS + 40 * SECOND_NS, State.LOST, "moved")
+    gone = score(replace(run, changes=[lost]), truth(), T_TRUTH_MAP)
     assert (gone.end, gone.found_s) == (End.NOTHING, 0.0)
     assert gone.right_after == pytest.approx(40 / SECONDS, abs=0.03)
+    doubted = score(replace(run, changes=[replace(lost, state=State.UNCERTAIN)]), truth(), T_TRUTH_MAP)
+    assert (doubted.end, doubted.right_after) == (End.RIGHT, 1.0)
+
+
+def test_a_claim_stands_until_the_next_however_rarely_the_robot_publishes() -> None:
+    rare = run_that_claims(lambda t: Pose2() if round(10 * t) % 26 == 0 else None)
+    found = score(rare, truth(), T_TRUTH_MAP)
+    assert (found.claims, found.end, found.right_after) == (24, End.RIGHT, 1.0)
+    false_then = run_that_claims(lambda t: Pose2(0.7 if 26 <= t < 28.6 else 0.0) if round(10 * t) % 26 == 0 else None)
+    assert score(false_then, truth(), T_TRUTH_MAP).right_after == pytest.approx(1 - 2.6 / SECONDS, abs=0.02)
+    ends_false = run_that_claims(lambda t: Pose2(5.0 if t > 57 else 0.0) if round(10 * t) % 26 == 0 else None)
+    assert score(ends_false, truth(), T_TRUTH_MAP).end is End.FALSE
 
 
 def test_what_is_claimed_while_uncertain_is_false_but_not_tracking() -> None:

@@ -3,13 +3,17 @@
 import math
 
 import numpy as np
+import pytest
 from rooms import HALL, see
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.lidar.doubt import Finding
+from wayfi.frontends.lidar.icp import IcpResult
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.point_index import PointIndex
+from wayfi.frontends.lidar.relocation import relocate
 from wayfi.frontends.lidar.scan_tracker import KeyframeMatch, ScanTracker
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
@@ -138,3 +142,33 @@ def test_keyframes_keep_their_scans_and_paths_as_they_grow() -> None:
     assert keyframes.scans_around(1, 3, poses[0], poses)[0] == []
     assert keyframes.scans_around(198, 500, poses[0], poses)[1][:, 0].tolist() == [198]
     assert keyframes.newest is keyframes[199]
+
+
+def test_a_scan_that_was_compared_before_it_becomes_a_keyframe_is_not_searched_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searched = []
+
+    def wide(scan: ScanPoints, submap: PointIndex, guess: Pose2, lidar: LidarConfig) -> IcpResult | None:
+        searched.append(scan)
+        return relocate(scan, submap, guess, lidar)
+
+    monkeypatch.setattr("wayfi.frontends.lidar.scan_tracker.relocate", wide)
+    carried, still = START @ Pose2(1.5, 0.5, 2.0), Pose2()
+    rng, keyframes = np.random.default_rng(3), Keyframes()
+    keyframes.append(Keyframe(PathPoint(0, still, 0.0), see(HALL, START, rng)))
+    motion = keyframes[0].point.motion_to(PathPoint(10**9, still, 0.0))
+    scan, another = see(HALL, carried, rng), see(HALL, carried, rng)
+    looked, fresh = ScanTracker(keyframes, LIDAR, ODOMETRY), ScanTracker(keyframes, LIDAR, ODOMETRY)
+    poses = np.zeros((1, 3))
+    for each in (looked, fresh):
+        each.match(keyframes[0].scan or scan, motion, still, poses)  # as after the first step: the scale has begun
+    looked.compare(scan, motion, still, poses)
+    assert len(searched) == 1
+    found, expected = looked.match(scan, motion, still, poses), fresh.match(scan, motion, still, poses)
+    assert found is not None
+    assert expected is not None
+    assert found.match.T_submap_scan == expected.match.T_submap_scan
+    assert len(searched) == 2  # by the fresh one alone
+    looked.match(another, motion, still, poses)
+    assert len(searched) == 3
