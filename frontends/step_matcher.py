@@ -76,7 +76,7 @@ class StepMatcher:
 
     def accepts(self, tracked: KeyframeMatch) -> bool:
         """Whether a match is good enough to be a factor."""
-        return tracked.match.inlier_ratio >= self._lidar.min_inlier_ratio
+        return tracked.match.inlier_ratio >= self._lidar.min_inlier_ratio and not tracked.refused
 
     def first_guess(self, guess: Pose2, tracked: KeyframeMatch | None) -> Pose2:
         """Where the optimisation begins: where the wheels lead, unless the wide search found the robot elsewhere."""

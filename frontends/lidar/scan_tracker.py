@@ -8,7 +8,18 @@ import numpy as np
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.keyframes import Keyframes
-from wayfi.frontends.lidar.doubt import AGREES, SILENT, UNFIT, StepJudged, error, misfit, misses, slipped, unfit
+from wayfi.frontends.lidar.doubt import (
+    AGREES,
+    SILENT,
+    UNFIT,
+    Finding,
+    StepJudged,
+    error,
+    misfit,
+    misses,
+    slipped,
+    unfit,
+)
 from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
@@ -18,6 +29,8 @@ from wayfi.frontends.lidar.visibility import seen_through_share
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 from wayfi.frontends.scan_points import ScanPoints
+
+SURER = 4.0  # of squared Mahalanobis distances: wheels that are twice as sure as a match of what parts them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +43,11 @@ class KeyframeMatch:
     match: ScanMatch
     submap: Floats
     judged: StepJudged = SILENT
+
+    @property
+    def refused(self) -> bool:
+        """Whether the scan does not fit, or fits only where wheels that are surer do not lead."""
+        return self.judged.finding in (Finding.UNFIT, Finding.MISFIT)
 
 
 class ScanTracker:
@@ -55,7 +73,7 @@ class ScanTracker:
         if not self._matched:
             self._matched, self.covariance_scale = True, self._trust.initial
         tracked = self._found_before(scan, guess) or self.compare(scan, motion, guess, poses)
-        if tracked and tracked.match.inlier_ratio >= self._lidar.min_inlier_ratio:
+        if tracked and not tracked.refused:
             self.update_scale(motion, guess, tracked.match)
         return tracked
 
@@ -113,6 +131,7 @@ class ScanTracker:
         """Whether a good match contradicts the wheels by far more than both covariances.
 
         Where the wheels miss most of the motion it is their failure, not noise that the covariance scale describes.
+        Wheels that are far surer than the match are believed: what somebody before the laser shows fits in many places.
         """
         doubt, T = self._lidar.doubt, match.T_submap_scan
         e = error(guess, T)
@@ -122,9 +141,12 @@ class ScanTracker:
         if chi2 < doubt.agree_chi2:
             return AGREES
         small = math.hypot(e[0], e[1]) < doubt.slip_m and abs(e[2]) < doubt.slip_rad
+        far = chi2 > doubt.slip_chi2 and not small
+        if far and e @ np.linalg.solve(wheels, e) > SURER * (e @ np.linalg.solve(match.covariance, e)):
+            return UNFIT
         near = replace(self._lidar.icp, inlier_m=0.5 * doubt.slip_m)
         gain = inlier_ratio(scan, submap, T, near) - inlier_ratio(scan, submap, guess, near)
-        slips = chi2 > doubt.slip_chi2 and not small and gain > doubt.slip_gain
+        slips = far and gain > doubt.slip_gain
         return slipped(motion, guess, T) if slips else SILENT
 
     def update_scale(self, motion: WheelMotion, guess: Pose2, match: ScanMatch) -> None:

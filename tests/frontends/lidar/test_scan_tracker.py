@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from rooms import HALL, see
+from rooms import CORRIDOR, HALL, see
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
@@ -113,6 +113,53 @@ def test_a_scan_that_does_not_fit_tells_nothing_of_the_wheels() -> None:
     tracked, _ = judged_in_a_crowd(0.8, Pose2(0.05, 0.02, 0.1))
     assert tracked.match.inlier_ratio < LIDAR.doubt.nearly * LIDAR.min_inlier_ratio
     assert not tracked.judged.covariance.any()
+
+
+def somebody(at: Pose2) -> tuple[Floats, Floats]:
+    """(60, 2) points (m) and normals of somebody who stands and turns `at` in base_link."""
+    off = 0.08 * np.random.default_rng(1).standard_normal((60, 2))
+    normals = Pose2(0.0, 0.0, at.theta).transform(off / np.linalg.norm(off, axis=1, keepdims=True))
+    return at.transform(off), normals
+
+
+def matched_after(before: ScanPoints, scan: ScanPoints) -> KeyframeMatch:
+    """The match of `scan` half a metre on by wheels that are sure."""
+    keyframes, motion, poses = Keyframes(), WheelMotion(Pose2(0.5), 0.5, 1.0), np.zeros((1, 3))
+    keyframes.append(Keyframe(PathPoint(0, Pose2(), 0.0), before))
+    tracker = ScanTracker(keyframes, LIDAR, ODOMETRY)
+    tracker.match(before, WheelMotion(Pose2(), 0.0, 1.0), Pose2(), poses)  # the scale begins
+    tracker.covariance_scale = 1.0
+    tracked = tracker.match(scan, motion, motion.pose, poses)
+    assert tracked is not None
+    assert tracked.match.inlier_ratio > LIDAR.min_inlier_ratio
+    return tracked
+
+
+def hall_and_somebody() -> ScanPoints:
+    """The hall with somebody in front of its walls."""
+    hall, (points, normals) = see(HALL, START, np.random.default_rng(0)), somebody(Pose2(0.55, 0.12, 0.3))
+    return ScanPoints(np.vstack([hall.points, points]), np.vstack([hall.normals, normals]), Pose2())
+
+
+def test_sure_wheels_are_believed_where_somebody_hides_all_but_himself() -> None:
+    tracked = matched_after(hall_and_somebody(), ScanPoints(*somebody(Pose2(0.25)), Pose2()))
+    assert tracked.match.T_submap_scan.distance(Pose2(0.5)) > LIDAR.doubt.slip_m
+    assert tracked.refused
+    assert tracked.judged.finding is Finding.UNFIT
+    assert not tracked.judged.covariance.any()
+
+
+def test_walls_are_believed_where_wheels_slip() -> None:
+    tracked = matched_after(hall_and_somebody(), see(HALL, START @ Pose2(0.3, 0.1), np.random.default_rng(2)))
+    assert not tracked.refused
+    assert tracked.judged.finding is Finding.SLIPPED
+
+
+def test_walls_that_leave_the_way_open_are_believed_of_a_turn() -> None:
+    rng, truth = np.random.default_rng(0), Pose2(0.5, 0.0, 0.2)
+    tracked = matched_after(see(CORRIDOR, Pose2(), rng), see(CORRIDOR, truth, rng))
+    assert not tracked.refused
+    assert abs(tracked.match.T_submap_scan.theta - truth.theta) < 0.01
 
 
 def test_without_a_submap_or_points_there_is_no_match_and_nothing_is_learnt() -> None:
