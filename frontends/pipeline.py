@@ -31,8 +31,8 @@ from wayfi.frontends.modes.estimation_core import estimation_core
 from wayfi.frontends.odometry.accepted_odometry import Accepted, AcceptedOdometry
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.odometry.live_pose import Estimate, EstimateSchedule
+from wayfi.frontends.odometry.pose_publisher import PosePublisher
 from wayfi.frontends.odometry.timebase import told_of
-from wayfi.frontends.odometry.trajectories import Trajectories
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_corrections import ScanCorrections
 from wayfi.frontends.scan_points import PlacedScan
@@ -66,7 +66,7 @@ class Pipeline:
         self._wifi = WifiIntake(config.wifi, config.odometry.clock, self._odometry.time)
         self._poses = PoseIntake(config.frames, self._odometry.time)
         self._corrections = ScanCorrections(config.lidar, self._scans, self._core)
-        self._trajectories = Trajectories()
+        self._publisher = PosePublisher(config.odometry)
         self._last_scan_path_m = -np.inf
         self._seen = self._stood = PathPoint(0, Pose2(), 0.0)
         self._estimates = EstimateSchedule()
@@ -94,7 +94,7 @@ class Pipeline:
         events += [event for sweep in self._scans.unfinished() for event in self._add_sweep(sweep)]
         events += [*self._use_scans(last=True), *self._use_last_scans(self._scans.queue.waiting())]
         events += [*self._use_wifi(self._wifi.finish()), *self._poses.finish()]
-        result, last = self._core.finish(self._trajectories)
+        result, last = self._core.finish(self._publisher.trajectories)
         return result, events + last
 
     def new_estimate(self, serial: int) -> Estimate | None:
@@ -168,16 +168,13 @@ class Pipeline:
         yield from self._keyframe_without_scan(point)
         yield from self._use_wifi(self._wifi.ready(self._path))
         yield from self._use_poses()
-        yield from self._publish(point, accepted.T_odom_base, published)
-        yield from self._core.go_on(point.stamp_ns)
+        yield from self._publisher.add(point, accepted.T_odom_base, self._core.anchor, published)
+        yield from self._go_on()
 
-    def _publish(self, point: PathPoint, T_odom_base: Pose2, published: PosePublished | None) -> Iterator[Event]:
-        if published is None or published.stamp_ns != point.stamp_ns:
-            anchor = self._core.anchor()
-            published = anchor.pose_at(point, T_odom_base, self._config.odometry) if anchor else None
-        self._trajectories.add(point, published.T_map_base if published else None)
-        if published is not None:
-            yield published
+    def _go_on(self) -> Iterator[Event]:
+        """Do slices of the work that waits; a pose that is claimed by it is published at once."""
+        yield from self._core.go_on(self.stamp_ns)
+        yield from self._publisher.catch_up(self._core.anchor)
 
     def _keyframe_without_scan(self, point: PathPoint) -> Iterator[Event]:
         silent = point.path_m - self._last_scan_path_m >= self._config.lidar.silent_m
@@ -191,6 +188,8 @@ class Pipeline:
             return
         for sweep in (yield from self._scans.receive(self.stamp_ns or m.stamp_ns, m)):
             yield from self._add_sweep(sweep)
+        if self._publisher.waits:
+            yield from self._go_on()
 
     def _add_sweep(self, sweep: Sweep) -> Iterator[Event]:
         stamp_ns = yield from self._scans.add(sweep, self._path.latest)
@@ -259,7 +258,7 @@ class Pipeline:
                 self._seen, placed = point, self._place(sweeps)
                 yield from self._scans.judge(sweeps, placed)
                 yield from self._core.add_keyframe(point, placed)
-                yield from self._corrections.correct_stamps(point.stamp_ns, self._path, self._trajectories)
+                yield from self._corrections.correct_stamps(point.stamp_ns, self._path, self._publisher.trajectories)
             else:
                 yield from self._look(sweeps)
 
@@ -285,7 +284,7 @@ class Pipeline:
             return
         yield from self._wifi.add(m, self._path.latest)
         yield from self._use_wifi(self._wifi.ready(self._path))
-        yield from self._core.go_on(self.stamp_ns)
+        yield from self._go_on()
 
     def _use_poses(self) -> Iterator[Event]:
         for pose in self._poses.ready(self._path):

@@ -10,7 +10,7 @@ from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.modes.continued_slam import ContinuedSlam
 from wayfi.frontends.modes.localization_core import LocalizationCore
 from wayfi.frontends.odometry.live_pose import EstimateSchedule
-from wayfi.frontends.odometry.trajectories import Trajectories
+from wayfi.frontends.odometry.pose_publisher import PosePublisher
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_corrections import ScanCorrections
@@ -44,7 +44,7 @@ class SwitchingPipeline(Pipeline):
         if latest is None or not self._core.keyframe_count:
             return [Warned(self.stamp_ns, "the mode stays as it is: there is nothing of a map yet")]
         anchor, floor = self._core.anchor(), self._core.floor
-        ended, events = self._core.finish(self._trajectories)
+        ended, events = self._core.finish(self._publisher.trajectories)
         self._ended.append(ended)
         self.localises = localises
         kind = LocalizationCore if localises else ContinuedSlam
@@ -70,6 +70,6 @@ class SwitchingPipeline(Pipeline):
     def _begin_part(self, core: LocalizationCore | ContinuedSlam) -> None:
         self._core = core
         self._corrections = ScanCorrections(self._config.lidar, self._scans, core)
-        self._trajectories = Trajectories()
+        self._publisher = PosePublisher(self._config.odometry)
         self._last_scan_path_m = -np.inf
         self._estimates = EstimateSchedule(keyframes=-1)

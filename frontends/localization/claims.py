@@ -20,7 +20,7 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     if wifi.is_elsewhere(config.least_in_map):
         return _not_yet(FailureCategory.NOT_IN_MAP, "WiFi hears little that is in this map")
     sharp = cluster.is_sharp(config)
-    fixes, path_m = _needed(sharp, wifi.known, config)
+    fixes, path_m = _needed(sharp, best.all_agreed, wifi.known, config)
     turns_m = TURN_M * best.agreed_rad if sharp and wifi.known else 0.0
     if best.agreed < fixes or best.agreed_m + turns_m < path_m:
         needed = f"{fixes} along {path_m:g} m confirm it"
@@ -41,11 +41,13 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
     return None
 
 
-def _needed(sharp: bool, wifi: bool, config: ClaimConfig) -> tuple[int, float]:
+def _needed(sharp: bool, all_agreed: bool, wifi: bool, config: ClaimConfig) -> tuple[int, float]:
     """How many scans have to agree, and along which path (m)."""
     if not sharp:
         return config.fixes, config.open_path_m
-    return (config.fixes_with_wifi, config.path_with_wifi_m) if wifi else (config.fixes, config.path_m)
+    if not wifi:
+        return config.fixes, config.path_m
+    return config.fixes_with_wifi + (not all_agreed), config.path_with_wifi_m
 
 
 def judge_claim(cluster: Cluster, state: State, elsewhere: int, config: ClaimConfig) -> Health:

@@ -20,9 +20,9 @@ class Hypothesis:
     """The robot is at `T_map_base` on a `floor` at the local `keyframe`, with (3, 3) covariance in `map`.
 
     `evidence` (nats) sums what its fixes lack of a good fit; `proposed` searches found it. `quality` is the mean one of
-    its last fixes. `agreed` fixes in a row agree, over `agreed_m` of path and `agreed_rad` of turns; the last `unsure`
-    ones do not, of which the last `contradicted` ones contradict the map. Only fixes at other places than the one
-    before count.
+    its last fixes. `agreed` fixes agree and none between them contradicts the map, over `agreed_m` of path and
+    `agreed_rad` of turns; `all_agreed` if every one between them agrees. The last `unsure` ones do not, of which the
+    last `contradicted` ones contradict the map. Only fixes at other places than the one before count.
     """
 
     T_map_base: Pose2
@@ -33,6 +33,7 @@ class Hypothesis:
     proposed: int = 1
     quality: float = 1.0
     agreed: int = 0
+    all_agreed: bool = True
     agreed_from_m: float = 0.0
     agreed_to_m: float = 0.0
     agreed_rad: float = 0.0
@@ -95,6 +96,7 @@ class Hypothesis:
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m
             self.agreed_rad = 0.0 if self.agreed == 0 else self.agreed_rad + turned
+            self.all_agreed = self.agreed == 0 or (self.all_agreed and self.unsure == 0)
             self.agreed, self.agreed_to_m = self.agreed + 1, path_m
             self.unsure = self.contradicted = 0
             return

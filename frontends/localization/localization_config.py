@@ -45,7 +45,7 @@ class ProposalConfig:
     scans: int = option(6, "", "of the last keyframes in one search: more walls, fewer look-alikes")
     reach_m: float = option(4.0, "m", "of path that these scans are from, and that places found are tried on")
     apart_m: float = option(0.5, "m", "of path between them")
-    again_m: float = option(1.0, "m", "of path between two searches")
+    again_m: float = option(1.0, "m", "of path between two searches; a turn of 1 rad counts as 1 m")
     work: int = option(60_000, "poses", "compared in one message: 25 ms")
     wifi_sigmas: float = option(2.5, "", "of a place that WiFi names: the radius that is searched")
     wifi_weight: float = option(0.95, "", "of WiFi's belief that is searched, its best places first")
@@ -65,7 +65,11 @@ class ClaimConfig:
     open_path_m: float = option(
         5.0, "m", "the same where walls leave the place open along them: WiFi errs by 1.4 m before"
     )
-    fixes_with_wifi: int = option(3, "", "the fixes where WiFi names the place as well and no wall leaves it open")
+    fixes_with_wifi: int = option(
+        2,
+        "",
+        "the fixes where WiFi names the place as well and no wall leaves it open; one more if any between do not agree",
+    )
     path_with_wifi_m: float = option(0.9, "m", "the path there")
     evidence_per_fit: float = option(10.0, "nats", "of a scan that fits wholly over one that does not at all")
     good_quality: float = option(0.95, "", "of a fix that says nothing against a pose: true ones vary by as much")

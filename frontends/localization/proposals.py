@@ -49,7 +49,7 @@ class Proposals:
         """Forget what was searched: the robot may be anywhere."""
         self._regions.clear()
         self._running, self.complete = False, False
-        self._searched_m = -np.inf
+        self._due = True
 
     @property
     def running(self) -> bool:
@@ -65,18 +65,24 @@ class Proposals:
         """Begin a search by the newest scans, if one is due; False if not."""
         if self._running or self._track.newest < 0:
             return False
-        path_m = self._track.point(self._track.newest).path_m
         scan = self._track.scan(self._track.newest)
-        due = path_m - self._searched_m >= self._config.again_m
-        if not due or scan is None or len(scan.points) < self._least_points:
+        self._due = self._due or self._sees_more()
+        if not self._due or scan is None or len(scan.points) < self._least_points:
             return False
-        self._searched_m, self._keyframe = path_m, self._track.newest
+        self._due, self._keyframe = False, self._track.newest
         self._scans = self._track.last_scans(self._config.scans, self._config.apart_m, self._config.reach_m)
         self._regions = deque(self._regions_of(wifi))
         self._everywhere = any(region is None for _, region in self._regions)
         self._complete_so_far = True
         self._begin_next()
         return self._running
+
+    def _sees_more(self) -> bool:
+        """Whether the robot has moved on since the last search; a turn of 1 rad counts as 1 m, for it shows as much."""
+        track = self._track
+        path_m = track.point(track.newest).path_m - track.point(max(self._keyframe, track.oldest)).path_m
+        turned = abs(track.between(self._keyframe, track.newest).theta)
+        return path_m + turned >= self._config.again_m
 
     def go_on(self) -> list[Proposed]:
         """Search on by one slice; returns the poses that it ends with, if it does."""

@@ -35,6 +35,10 @@ class Trajectories:
         self._path.extend((T.x, T.y, T.theta, point.path_m))
         self._online.extend((published.x, published.y, published.theta) if published else UNPUBLISHED)
 
+    def publish_newest(self, T_map_base: Pose2) -> None:
+        """A pose has been published for the newest message, which had none."""
+        self._online[-3:] = array("d", (T_map_base.x, T_map_base.y, T_map_base.theta))
+
     def at(self, stamp_ns: int) -> PathPoint | None:
         """The driven path at a moment, however long ago; None outside of it."""
         after = bisect_left(self._stamps, stamp_ns)

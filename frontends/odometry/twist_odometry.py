@@ -8,6 +8,7 @@ from wayfi.frontends.measurements import NANOSECOND_S, Odometry
 
 MOVES_M_S, MOVES_RAD_S = 0.05, 0.1  # of a twist: less may be the noise of a gyroscope
 MOVED_S = 0.5  # of such a twist, while the pose stands: longer than wheels need to follow a command
+MOVED_MESSAGES = 3  # with such a twist: where they are rare, a heading that is rounded may be the same in two
 LONGEST_S = 1.0  # between two messages: for so long a twist is assumed to last
 LEADS = "the pose never changes while the twist moves: the twist is integrated instead"
 ENDS = "the pose changes now: it is used from here on, not the twist"
@@ -15,15 +16,20 @@ ENDS = "the pose changes now: it is used from here on, not the twist"
 
 @dataclass(slots=True)
 class _Part:
-    """The position or the heading: whether it has ever changed, and for how long the twist has moved it before."""
+    """The position or the heading: whether it has ever changed, and how long and how often the twist moved it."""
 
     changed: bool = False
     moved_s: float = 0.0
+    moves: int = 0
 
     @property
     def integrated(self) -> bool:
         """Whether it is clear that it is never filled."""
-        return not self.changed and self.moved_s >= MOVED_S
+        return not self.changed and self.moved_s >= MOVED_S and self.moves >= MOVED_MESSAGES
+
+    def move(self, seconds: float) -> None:
+        """Note that the twist moved it for so long until the next message."""
+        self.moved_s, self.moves = self.moved_s + seconds, self.moves + 1
 
 
 class TwistOdometry:
@@ -73,5 +79,7 @@ class TwistOdometry:
             self._T = self._T @ half @ Pose2(vx * seconds, vy * seconds, 0.0) @ half
         drives = math.hypot(vx, vy) > MOVES_M_S
         turns = abs(omega) > MOVES_RAD_S or (drives and omega != 0.0)  # wheels that roll keep no heading to the bit
-        self._position.moved_s += seconds if drives else 0.0
-        self._heading.moved_s += seconds if turns else 0.0
+        if drives:
+            self._position.move(seconds)
+        if turns:
+            self._heading.move(seconds)

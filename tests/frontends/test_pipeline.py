@@ -18,6 +18,7 @@ from wayfi.frontends.events import (
 from wayfi.frontends.measurements import InitialPose, LaserScan, Odometry, PoseFix, Sensor
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.switching_pipeline import SwitchingPipeline
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.config import load_config
@@ -90,6 +91,22 @@ def test_an_initial_pose_of_a_drive_without_a_map_is_dropped_and_changes_nothing
     assert (event.sensor, event.reason, event.stamp_ns) == (Sensor.INITIAL_POSE, DropReason.NO_MAP, 1_000_000_000)
     published = [e for e in pipeline.process(Odometry(1_100_000_000, Pose2())) if isinstance(e, PosePublished)]
     assert published[0].T_map_base == Pose2()
+
+
+def test_a_pose_that_is_claimed_between_two_odometry_messages_is_published_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pipeline = Pipeline(load_config((), ()))
+    scan = LaserScan(1_200_000_000, "laser", np.full(10, 2.0, np.float32), 0.0, 0.1, 0.1, 30.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(SlamCore, "anchor", lambda _: None)
+        unclaimed = [*pipeline.process(Odometry(1_000_000_000, Pose2())), *pipeline.process(scan)]
+    claimed, after = ([e for e in pipeline.process(scan) if isinstance(e, PosePublished)] for _ in range(2))
+    assert not any(isinstance(event, PosePublished) for event in unclaimed)
+    assert [event.stamp_ns for event in claimed] == [1_000_000_000]
+    assert after == []
+    result, _ = pipeline.finish()
+    np.testing.assert_array_equal(result.online, np.zeros((1, 3)))
 
 
 def test_without_anything_of_a_map_there_is_nothing_to_localise_in() -> None:

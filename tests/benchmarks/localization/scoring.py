@@ -47,11 +47,12 @@ class End(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A pose as it was published, in the map's frame."""
+    """A pose as it was published, in the map's frame; `known_ns` is the newest stamp that had come by then."""
 
     stamp_ns: int
     T_map_base: Pose2
     state: State
+    known_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +111,12 @@ class Score:
         return asdict(self)
 
 
-def claims_and_changes(events: Sequence[Event]) -> tuple[list[Claim], list[Change]]:
-    """What was claimed, and how the state changed."""
+def claims_and_changes(events: Sequence[Event], known_ns: int) -> tuple[list[Claim], list[Change]]:
+    """What was claimed when the newest stamp was `known_ns`, and how the state changed."""
     poses = (e for e in events if isinstance(e, PosePublished) and e.state in CLAIMED)
     changes = (e for e in events if isinstance(e, StateChanged))
     return (
-        [Claim(e.stamp_ns, e.T_map_base, e.state) for e in poses],
+        [Claim(e.stamp_ns, e.T_map_base, e.state, known_ns) for e in poses],
         [Change(e.stamp_ns, e.state, e.reason) for e in changes],
     )
 
@@ -149,7 +150,7 @@ def score(run: Run, truth: Trajectory, T_truth_map: Pose2, bounds: Bounds = BY_L
     right = (error_m <= bounds.right_m) & (error_rad <= bounds.right_rad)
     false = (error_m > bounds.false_m) | (error_rad > bounds.false_rad)
     counted = stamps_ns >= run.start_ns + round(grace_s * SECOND_NS)
-    seconds = driving_s(truth, run.start_ns, stamps_ns)
+    seconds = driving_s(truth, run.start_ns, np.array([c.known_ns for c in run.claims], np.int64))
     found = _found(right, false)
     return Score(
         found_s=None if found is None else round(float(seconds[found]), 2),

@@ -34,7 +34,7 @@ def run_that_claims(off: Callable[[float], Pose2 | None], state: State = State.T
         error = off((stamp_ns - START_NS) / SECOND_NS)
         if error is not None:
             T_truth_base = Pose2.of(true.at(np.array([stamp_ns]))[0])
-            claims.append(Claim(stamp_ns, T_TRUTH_MAP.between(T_truth_base @ error), state))
+            claims.append(Claim(stamp_ns, T_TRUTH_MAP.between(T_truth_base @ error), state, stamp_ns))
     return Run(START_NS, START_NS + SECONDS * SECOND_NS, claims)
 
 
@@ -75,6 +75,14 @@ def test_seconds_are_of_driving() -> None:
     late = scored(lambda t: Pose2() if t >= STANDS_S + 7 else None)
     assert late.found_s == pytest.approx(7.0, abs=0.2)
     assert late.driven_s == pytest.approx(SECONDS - STANDS_S, abs=0.2)
+
+
+def test_a_pose_counts_from_when_it_was_known_not_from_its_stamp() -> None:
+    run = run_that_claims(lambda _: Pose2())
+    late = [replace(claim, known_ns=claim.known_ns + 30 * SECOND_NS) for claim in run.claims]
+    found_s = score(replace(run, claims=late), truth(), T_TRUTH_MAP).found_s
+    assert found_s == scored(lambda seconds: Pose2() if seconds >= 30.0 else None).found_s
+    assert found_s > 0.0
 
 
 def test_a_right_claim_before_a_false_one_does_not_stay() -> None:

@@ -56,6 +56,32 @@ def test_a_search_of_the_whole_map_ends_once_wifi_names_a_part_of_it(building: B
     assert proposals.running
 
 
+@pytest.mark.parametrize(("step", "due"), [(Pose2(1.1), True), (Pose2(0.5), False), (Pose2(0.5, 0.0, -0.6), True)])
+def test_the_map_is_searched_again_once_the_robot_has_driven_or_turned(
+    building: BuildingMap, track: LocalTrack, step: Pose2, due: bool
+) -> None:
+    proposals = Proposals(building, track, SlamConfig().lidar, LocalizationConfig())
+    assert proposals.begin(named(0.9))
+    while proposals.running:
+        proposals.go_on()
+    assert not proposals.begin(named(0.9))
+    scan = see(hall().walls, Pose2.of(around(0.0, 96.0)[5]) @ step, np.random.default_rng(2))
+    track.add(PathPoint(SECOND_NS, step, step.x), PlacedScan(scan, scan.points.astype(np.float32)))
+    assert proposals.begin(named(0.9)) == due
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_hypothesis_tells_whether_every_scan_on_its_way_agreed(silent: bool) -> None:
+    hypothesis, config = Hypothesis(Pose2(), 1e-3 * np.eye(3), 0), ClaimConfig()
+    for k, agreement in enumerate(
+        [Agreement.AGREES, Agreement.SILENT if silent else Agreement.AGREES, Agreement.AGREES]
+    ):
+        hypothesis.T_map_base = Pose2(0.5 * k)
+        hypothesis.update(Fix(hypothesis.T_map_base, 1e-3 * np.eye(3), 0.9, 0.0, 0.9, agreement), 0.5 * k, config)
+    assert hypothesis.all_agreed != silent
+    assert hypothesis.agreed == 3 - silent
+
+
 @pytest.mark.parametrize(("apart_s", "slices"), [(0.1, 1), (0.05, 0), (3.0, 2)])
 def test_a_message_does_more_work_the_longer_none_came(
     building: BuildingMap, track: LocalTrack, monkeypatch: pytest.MonkeyPatch, apart_s: float, slices: int

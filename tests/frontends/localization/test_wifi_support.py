@@ -52,9 +52,22 @@ def test_a_pose_some_metres_off_is_unlikely_whatever_its_heading() -> None:
     assert support(OPEN_RAD2).nats(Pose2(9.0, 4.0, 0.2), 0) < -8.0
 
 
-@pytest.mark.parametrize(("wifi", "agreed", "confirmed"), [(True, 3, True), (True, 2, False), (False, 3, False)])
-def test_fewer_scans_confirm_a_place_that_wifi_names_as_well(wifi: bool, agreed: int, confirmed: bool) -> None:
-    at = Hypothesis(Pose2(3.0, 4.0, 0.2), 1e-3 * np.eye(3), 5, agreed=agreed, agreed_to_m=1.0)
+@pytest.mark.parametrize(
+    ("wifi", "agreed", "all_agreed", "along_m", "confirmed"),
+    [
+        (True, 2, True, 1.0, True),
+        (True, 2, True, 0.5, False),
+        (True, 2, False, 1.0, False),
+        (True, 3, False, 1.0, True),
+        (False, 3, True, 1.5, False),
+        (False, 4, True, 1.5, True),
+    ],
+)
+def test_fewer_scans_confirm_a_place_that_wifi_names_as_well(
+    wifi: bool, agreed: int, all_agreed: bool, along_m: float, confirmed: bool
+) -> None:
+    covariance = 1e-3 * np.eye(3)
+    at = Hypothesis(Pose2(3.0, 4.0, 0.2), covariance, 5, agreed=agreed, all_agreed=all_agreed, agreed_to_m=along_m)
     cluster = Cluster(at, 5, at.T_map_base, at.covariance, gain=10.0, rivals=0, proposed=1)
     heard = support(0.04) if wifi else WifiSupport(())
     assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed

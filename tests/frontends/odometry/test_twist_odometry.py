@@ -38,6 +38,14 @@ def test_a_pose_that_is_filled_is_left_alone() -> None:
     assert [odometry.follow(m) for m in stream(poses, (5.0, 0.0, 5.0))] == [(pose, "") for pose in poses]
 
 
+@pytest.mark.parametrize(("alike", "told"), [(2, []), (5, [LEADS])])
+def test_a_heading_that_is_the_same_in_two_rare_messages_is_filled(alike: int, told: list[str]) -> None:
+    odometry, headings = TwistOdometry(), [0.5] * alike + [0.51, 0.52]
+    poses = [Pose2(1.0 * k, 0.0, heading) for k, heading in enumerate(headings)]
+    messages = [Odometry(3 * k * SECOND_NS, pose, twist=(0.3, 0.0, 0.01)) for k, pose in enumerate(poses)]
+    assert [text for _, text in map(odometry.follow, messages) if text == LEADS] == told
+
+
 @pytest.mark.parametrize("twist", [(0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.0, 0.0, 0.09)])
 def test_a_robot_that_stands_is_left_standing(twist: tuple[float, float, float]) -> None:
     odometry = TwistOdometry()
