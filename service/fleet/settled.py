@@ -45,11 +45,13 @@ class Settled:
 
 
 def read_settled(directory: Path) -> Settled:
-    """What is settled so far. Raises MapError or FleetFileError where it is damaged."""
+    """What is settled so far. Raises MapError or FleetFileError where any of it is damaged."""
     folder = directory / SETTLED
     if not files_of_a_map(folder):
         return Settled(None, ())
     loaded = load_consistent(folder)
+    if loaded.warnings:
+        raise MapError(loaded.warnings[0])
     members = tuple(member for member in read_fleet(folder).members if member.settled_in <= loaded.map_version)
     if not members:
         raise FleetFileError(f"{folder / FLEET}: does not say which runs are settled")

@@ -1,5 +1,7 @@
 """A settled map that is damaged is told of once and made anew; the rounds go on."""
 
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,20 @@ from wayfi.service.fleet.settled import read_settled
 
 CONFIG = Config()
 HALL = hall()
-DAMAGES = ("cut keyframes", "no keyframes", "cut manifest", "no manifest", "cut list", "no list", "empty list")
+SCANS = "scans_0000.parquet"
+DAMAGES = (
+    "cut keyframes",
+    "no keyframes",
+    "cut scans",
+    "cut manifest",
+    "no manifest",
+    "cut list",
+    "no list",
+    "empty list",
+)
+
+
+Places = Mapping[str, tuple[float, float, float] | None]
 
 
 def bring(directory: Path, run: str, first_m: float) -> Path:
@@ -26,78 +41,87 @@ def bring(directory: Path, run: str, first_m: float) -> Path:
     return folder
 
 
-def settle(directory: Path) -> Path:
-    """Have the first of two runs settled; returns the folder of its copy."""
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Fleet]:
+    """The directory of a merging daemon in which the first of two runs is settled, and the fleet."""
+    directory = tmp_path_factory.mktemp("merging")
     first = bring(directory, "day0", 0.0)
     join_maps(directory, CONFIG)
     bring(directory, "day1", 3.0)
-    for _ in range(2):
-        join_maps(directory, CONFIG)
+    join_maps(directory, CONFIG)
+    fleet = join_maps(directory, CONFIG)
     assert [path.name for path in first.iterdir()] == [MANIFEST]
-    return first
+    return directory, fleet
+
+
+@pytest.fixture
+def before(made: tuple[Path, Fleet]) -> Places:
+    """Where the runs lay in the common map of `directory`."""
+    return places(made[1])
+
+
+@pytest.fixture
+def directory(made: tuple[Path, Fleet], tmp_path: Path) -> Path:
+    """A copy of that directory."""
+    return shutil.copytree(made[0], tmp_path / "merging")
 
 
 def damage(folder: Path, what: str) -> None:
     how, name = what.split()
-    path = folder / {"keyframes": KEYFRAMES, "manifest": MANIFEST, "list": FLEET}[name]
+    path = folder / {"keyframes": KEYFRAMES, "scans": SCANS, "manifest": MANIFEST, "list": FLEET}[name]
     if how == "no":
         path.unlink()
     else:
         path.write_text(Fleet().to_json() if how == "empty" else path.read_text(errors="replace")[:100])
 
 
-def places(fleet: Fleet) -> dict[str, tuple[float, float, float] | None]:
+def places(fleet: Fleet) -> Places:
     return {member.run: member.T_common_map for member in fleet.members}
 
 
-def near(one: Member, before: dict[str, tuple[float, float, float] | None]) -> bool:
+def near(one: Member, before: Places) -> bool:
     return one.T_common_map == pytest.approx(before[one.run], abs=0.1)
 
 
 @pytest.mark.parametrize("what", DAMAGES)
 def test_the_common_map_takes_its_place_and_a_line_tells_it_once(
-    what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    what: str, directory: Path, before: Places, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settle(tmp_path)
-    before = places(join_maps(tmp_path, CONFIG))
-    size = len(load_map(tmp_path / MAP).building.keyframes)
-    damage(tmp_path / SETTLED, what)
+    size = len(load_map(directory / MAP).building.keyframes)
+    damage(directory / SETTLED, what)
     capsys.readouterr()
-    fleets = [join_maps(tmp_path, CONFIG) for _ in range(2)]
+    fleets = [join_maps(directory, CONFIG) for _ in range(2)]
     (line,) = capsys.readouterr().err.splitlines()
-    assert str(tmp_path / SETTLED) in line
+    assert str(directory / SETTLED) in line
     assert line.endswith(f"is made anew of the common map, and what was there is in {SET_ASIDE}")
     assert all(near(member, before) for fleet in fleets for member in fleet.members)
     assert all(places(fleet).keys() == {"day0", "day1"} for fleet in fleets)
-    assert len(load_map(tmp_path / MAP).building.keyframes) < 1.2 * size
-    assert (tmp_path / SET_ASIDE).is_dir()
+    assert len(load_map(directory / MAP).building.keyframes) < 1.2 * size
+    assert (directory / SET_ASIDE).is_dir()
 
 
 def test_where_the_common_map_is_damaged_too_what_was_settled_is_fetched_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    directory: Path, before: Places, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first = settle(tmp_path)
-    before = places(join_maps(tmp_path, CONFIG))
-    damage(tmp_path / SETTLED, "cut keyframes")
-    damage(tmp_path / MAP, "cut keyframes")
+    damage(directory / SETTLED, "cut keyframes")
+    damage(directory / MAP, "cut keyframes")
     capsys.readouterr()
-    fleet = join_maps(tmp_path, CONFIG)
+    fleet = join_maps(directory, CONFIG)
     (line,) = [line for line in capsys.readouterr().err.splitlines() if SET_ASIDE in line]
     assert "is made anew of what robots still serve" in line
     assert [member.run for member in fleet.members] == ["day1"]
     assert near(fleet.members[0], before)
-    assert not any(first.iterdir())
-    bring(tmp_path, "day0", 0.0)
+    assert not any(robot_folder(directory, "robot", "day0").iterdir())
+    bring(directory, "day0", 0.0)
     for _ in range(2):
-        fleet = join_maps(tmp_path, CONFIG)
+        fleet = join_maps(directory, CONFIG)
     assert all(near(member, before) for member in fleet.members)
-    assert {member.run for member in read_settled(tmp_path).members} == {"day0"}
+    assert {member.run for member in read_settled(directory).members} == {"day0"}
 
 
-def test_nothing_is_left_of_copies_of_what_is_settled_nowhere(tmp_path: Path) -> None:
+def test_nothing_is_left_of_copies_of_what_is_settled_nowhere(directory: Path) -> None:
     """The folder of the settled map was deleted, and no map is whole."""
-    first = settle(tmp_path)
-    delete_map(tmp_path / SETTLED)
-    delete_map(robot_folder(tmp_path, "robot", "day1"))
-    assert join_maps(tmp_path, CONFIG) == Fleet()
-    assert not any(first.iterdir())
+    delete_map(directory / SETTLED)
+    delete_map(robot_folder(directory, "robot", "day1"))
+    assert join_maps(directory, CONFIG) == Fleet()
+    assert not any(robot_folder(directory, "robot", "day0").iterdir())
