@@ -11,23 +11,22 @@ from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
-import numpy as np
-
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.aligning import moved
 from wayfi.frontends.maps.selecting import alone
 from wayfi.frontends.merging.common_map import common_map
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.map_folder import MapError
-from wayfi.recordings.map.loading import LoadedMap, load_map
+from wayfi.recordings.map.loading import LoadedMap
 from wayfi.recordings.map.manifest import MapName
 from wayfi.recordings.map.saving import name_of_map, save_map
 from wayfi.service.config import Config, load_config
+from wayfi.service.fleet.consistent_maps import load_consistent
 from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, read_fleet
 from wayfi.service.fleet.parts import Part
-from wayfi.service.fleet.robot_folders import CONFIG, MAP, SETTLED, mirrored
-from wayfi.service.fleet.settled import Settled, forget_copies, read_settled, settle
+from wayfi.service.fleet.robot_folders import CONFIG, MAP, SET_ASIDE, SETTLED, mirrored
+from wayfi.service.fleet.settled import Settled, forget_copies, read_settled, settle, settled_anew
 
 NICENESS = 5  # what the robots ask comes first
 TRIED_AGAIN = 2  # runs of a robot before its newest that could not be joined so far: another robot may tie them in yet
@@ -41,9 +40,13 @@ def join_maps(directory: Path, config: Config) -> Fleet:
     The runs that have ended are settled, and never joined again. The common map has an id of its own, though it begins
     as that of one robot. Raises MapError where a map cannot be saved.
     """
-    former, settled = _former(directory / MAP), read_settled(directory)
+    former = _former(directory / MAP)
+    settled = _settled(directory, former, config)
     parts = _parts(directory, former, settled, config)
     settled, parts = settle(directory, settled, parts, former, config)
+    forget_copies(directory, settled)
+    if settled.building is None and parts:
+        parts = [_where_it_lay(parts[0], former, config), *parts[1:]]
     maps = {part.name: part.building for part in parts}
     if settled.building is not None:
         maps = {SETTLED: settled.building} | maps
@@ -54,7 +57,6 @@ def join_maps(directory: Path, config: Config) -> Fleet:
     fleet = Fleet((*settled.members, *members))
     save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP) or MapName(uuid4().hex, 0))
     write_text(directory / MAP / FLEET, fleet.to_json())
-    forget_copies(directory, settled)
     return fleet
 
 
@@ -86,8 +88,19 @@ def _former(folder: Path) -> Fleet:
     try:
         return read_fleet(folder)
     except FleetFileError as error:
-        sys.stderr.write(f"wayfi: {error}\n")
+        _tell(error)
         return Fleet()
+
+
+def _settled(directory: Path, former: Fleet, config: Config) -> Settled:
+    """What is settled; where that is damaged, what takes its place, with a line."""
+    try:
+        return read_settled(directory)
+    except (MapError, FleetFileError) as error:
+        settled = settled_anew(directory, former, config)
+        made = "the common map" if settled.members else "what robots still serve"
+        _tell(f"{error}; {directory / SETTLED} is made anew of {made}, and what was there is in {SET_ASIDE}")
+        return settled
 
 
 def _own(part: Part, config: Config) -> Part:
@@ -100,23 +113,27 @@ def _own(part: Part, config: Config) -> Part:
     )
 
 
+def _where_it_lay(part: Part, former: Fleet, config: Config) -> Part:
+    """The first part in the frame of the former common map, which stays though what it began with is gone."""
+    place = former.place_of(part.robot, part.run)
+    T = Pose2(*place) @ part.T_map_part if place else Pose2()
+    if Pose2() == T:
+        return part
+    building = moved(part.building, T, config.map)
+    return replace(part, building=building, T_map_part=part.T_map_part @ T.inverse())
+
+
 def _loaded(folder: Path) -> LoadedMap | None:
     """The map in a folder; None, with a line, where it is damaged or contradicts itself."""
     try:
-        loaded = load_map(folder)
-        if not _consistent(loaded.building):
-            raise MapError(f"{folder}: contradicts itself: it relates keyframes that it does not have; delete it there")
+        return load_consistent(folder)
     except MapError as error:
-        sys.stderr.write(f"wayfi: {error}\n")
+        _tell(error)
         return None
-    return loaded
 
 
-def _consistent(building: BuildingMap) -> bool:
-    """Whether all poses are finite, and all that is related to keyframes is to keyframes of the map."""
-    related = [f.keyframe for f in building.fingerprints]
-    related += [k for factor in building.factors.values() for k in (factor.a, factor.b)]
-    return bool(np.isfinite(building.poses).all()) and max(related, default=0) < len(building.keyframes)
+def _tell(error: WayfiError | str) -> None:
+    sys.stderr.write(f"wayfi: {error}\n")
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """The directory of a merging daemon: robots/ROBOT/RUN holds a copy of a robot's map, map the common one.
 
-What has been joined once and for all is in `settled`; of its copies the manifest alone is kept.
+What has been joined once and for all is in `settled`; of its copies the manifest alone is kept. One that was damaged is
+in `settled.damaged`.
 """
 
 from collections.abc import Iterator
@@ -10,7 +11,8 @@ from urllib.parse import quote, unquote
 from wayfi.recordings.files.map_folder import MANIFEST
 from wayfi.recordings.files.replaced_together import current
 
-ROBOTS, MAP, SETTLED, CONFIG = "robots", "map", "settled", "config.toml"
+ROBOTS, MAP, CONFIG = "robots", "map", "config.toml"
+SETTLED, SET_ASIDE = "settled", "settled.damaged"
 UNNAMED = "(no prefix)"  # of a robot; no encoded name has a space
 
 

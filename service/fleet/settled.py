@@ -1,12 +1,14 @@
 """Runs that have ended are joined once and for all: the work of a round grows with the robots, not with the time.
 
 The settled map is pruned as one that a robot drives again, so that it grows with the area. What of a run has gone into
-it cannot be taken out again; therefore a run that may grow is joined to a copy, anew each time.
+it cannot be taken out again; therefore a run that may grow is joined to a copy, anew each time. Where the settled map
+is damaged, the common map, which holds all of it, takes its place.
 """
 
+import shutil
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayfi.backend.pose2 import Pose2
@@ -14,14 +16,14 @@ from wayfi.frontends.maps.aligning import moved
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.merging.common_map import common_map
 from wayfi.recordings.files.atomic_files import write_text
-from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError, delete_map, locked
+from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError, delete_map, files_of_a_map, locked
 from wayfi.recordings.files.replaced_together import current
-from wayfi.recordings.map.loading import load_map
 from wayfi.recordings.map.saving import name_of_map, save_map
 from wayfi.service.config import Config
-from wayfi.service.fleet.fleet_file import FLEET, Fleet, Member, read_fleet
+from wayfi.service.fleet.consistent_maps import load_consistent
+from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, Member, read_fleet
 from wayfi.service.fleet.parts import Part
-from wayfi.service.fleet.robot_folders import SETTLED, mirrored
+from wayfi.service.fleet.robot_folders import MAP, SET_ASIDE, SETTLED, mirrored
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +45,38 @@ class Settled:
 
 
 def read_settled(directory: Path) -> Settled:
-    """What is settled so far. Raises MapError or FleetFileError where it is damaged."""
+    """What is settled so far. Raises MapError or FleetFileError where any of it is damaged."""
     folder = directory / SETTLED
-    name, fleet = name_of_map(folder), read_fleet(folder)
-    version = name.map_version if name else 0
-    members = tuple(member for member in fleet.members if member.settled_in <= version)
-    return Settled(load_map(folder).building if name else None, members)
+    if not files_of_a_map(folder):
+        return Settled(None, ())
+    loaded = load_consistent(folder)
+    if loaded.warnings:
+        raise MapError(loaded.warnings[0])
+    members = tuple(member for member in read_fleet(folder).members if member.settled_in <= loaded.map_version)
+    if not members:
+        raise FleetFileError(f"{folder / FLEET}: does not say which runs are settled")
+    return Settled(loaded.building, members)
+
+
+def settled_anew(directory: Path, former: Fleet, config: Config) -> Settled:
+    """Set a damaged settled map aside, in place of one that was set aside before; returns what takes its place.
+
+    That is the common map, whose members are `former`; nothing where it is damaged as well. Raises MapError or OSError
+    where that cannot be written.
+    """
+    folder, aside = directory / SETTLED, directory / SET_ASIDE
+    shutil.rmtree(aside, ignore_errors=True)
+    folder.rename(aside)
+    members = tuple(replace(member, settled_in=1) for member in former.members if member.T_common_map)
+    try:
+        building = load_consistent(directory / MAP).building if members else None
+    except MapError:
+        building = None
+    if building is None:
+        return Settled(None, ())
+    settled = Settled(building, members)
+    _save(directory, settled, config)
+    return settled
 
 
 def settle(
@@ -63,20 +91,30 @@ def settle(
     for part in parts:
         found = _joined(now, part, former, version, config) if _has_ended(part, former) else None
         now, left = (found, left) if found else (now, [*left, part])
-    if now.building is not None and now is not settled:
-        (directory / SETTLED).mkdir(exist_ok=True)
-        write_text(directory / SETTLED / FLEET, Fleet(now.members).to_json())  # counts from that version on
-        save_map(directory / SETTLED, now.building, config.map, name_of_map(directory / SETTLED))
+    if now is not settled:
+        _save(directory, now, config)
     return now, left
 
 
 def forget_copies(directory: Path, settled: Settled) -> None:
-    """Keep of the copies of what is settled the manifest alone: what is not changed there is not fetched again."""
+    """Keep of the copies of what is settled the manifest alone: what is not changed there is not fetched again.
+
+    Where the manifest alone is left of what is not settled any more, that goes as well: the map is fetched again.
+    """
     for robot, run, folder in mirrored(directory):
-        if current(folder, KEYFRAMES).exists() and settled.holds(robot, run, folder):
+        if current(folder, KEYFRAMES).exists() == settled.holds(robot, run, folder):
             with suppress(MapError, OSError), locked(folder):  # it is fetched just now: the next round sees to it
-                if settled.holds(robot, run, folder):
-                    delete_map(folder, [MANIFEST])
+                held = settled.holds(robot, run, folder)
+                if current(folder, KEYFRAMES).exists() == held:
+                    delete_map(folder, [MANIFEST] if held else [])
+
+
+def _save(directory: Path, settled: Settled, config: Config) -> None:
+    folder = directory / SETTLED
+    folder.mkdir(exist_ok=True)
+    write_text(folder / FLEET, Fleet(settled.members).to_json())  # counts from that version on
+    if settled.building is not None:
+        save_map(folder, settled.building, config.map, name_of_map(folder))
 
 
 def _version(directory: Path) -> int:

@@ -11,12 +11,14 @@ from wayfi.service.process.log_lines import LogLines
 from wayfi.service.transport.zenoh_session import address_of, refused_at
 
 PERIOD_S = 2.0
+REFUSED_LOOKS = 3  # in a row: Zenoh itself tries again up to 2 s after an endpoint has come back
 
 
 class ConnectionWatch(Closing):
     """Checks every `PERIOD_S` whether a session has a link to one of `config.connect`; a context manager.
 
-    Each change is logged once. Without endpoints in `config.connect` it does nothing.
+    Each change is logged once; an endpoint refuses that answers and is not linked for `REFUSED_LOOKS`. Without
+    endpoints in `config.connect` it does nothing.
     """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, log: LogLines) -> None:
@@ -24,6 +26,7 @@ class ConnectionWatch(Closing):
         self._config = config
         self._log = log
         self._logged = ""
+        self._refusals = 0  # in a row
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="connection watch", daemon=True)
         if config.connect:
@@ -44,8 +47,10 @@ class ConnectionWatch(Closing):
     def _check(self) -> None:
         linked = self._linked()
         where = ", ".join(self._config.connect)
-        text = f"connected to {linked}" if linked else refused_at(self._config) or f"nobody answers at {where}"
-        if text == self._logged or self._closed.is_set():
+        refused = None if linked else refused_at(self._config)
+        self._refusals = self._refusals + 1 if refused else 0
+        text = f"connected to {linked}" if linked else refused or f"nobody answers at {where}"
+        if text == self._logged or self._closed.is_set() or 0 < self._refusals < REFUSED_LOOKS:
             return
         self._logged = text
         if linked:
