@@ -4,6 +4,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,7 @@ ROUNDING = 1e-6  # m and rad
 LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
 
 
-@dataclass(frozen=True, slots=True)
-class PathPoint:
+class PathPoint(NamedTuple):
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
     `discontinuities` counts the restarts of the odometry of which the motion is unknown.
