@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.frontends.lidar.beam_counts import beams_between
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.line_fit import PointSums, fit_line
 from wayfi.frontends.lidar.mount import Mount
@@ -20,8 +21,19 @@ MIN_SINE = 0.1  # of a ray to its wall: at a smaller angle the normal's own erro
 
 def valid_beams(scan: LaserScan, max_range_m: float) -> NDArray[np.int64]:
     """Indices (n,) of the beams with a return within `max_range_m`."""
-    top = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
-    return np.flatnonzero((scan.ranges > max(scan.range_min_m, MIN_RANGE_M)) & (scan.ranges < top))
+    least_m, top_m = _limits(scan, max_range_m)
+    return np.flatnonzero((scan.ranges > least_m) & (scan.ranges < top_m))
+
+
+def sees_anything(scan: LaserScan, max_range_m: float) -> bool:
+    """Whether a beam has a return within `max_range_m`."""
+    return beams_between(scan.ranges, *_limits(scan, max_range_m)) > 0
+
+
+def _limits(scan: LaserScan, max_range_m: float) -> tuple[float, float]:
+    """The limits (m) between which the ranges of a scan are returns."""
+    top_m = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
+    return max(scan.range_min_m, MIN_RANGE_M), top_m
 
 
 def beam_points(scan: LaserScan, max_range_m: float) -> tuple[NDArray[np.int64], Floats]:
