@@ -184,10 +184,10 @@ class DrivenPath:
 
     def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
-        known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
-        path_m = np.array([point.path_m for point in self._points])
-        if len(known_ns) == 0:
+        if not self._points:
             return np.full(len(stamps_ns), np.nan)
+        stamps, _, lengths_m, _ = zip(*self._points, strict=True)
+        known_ns, path_m = np.array(stamps, np.int64), np.array(lengths_m)
         after = np.searchsorted(known_ns, stamps_ns)
         inside = (after < len(known_ns)) & (stamps_ns >= known_ns[0])
         after = np.where(inside, after, 0)
