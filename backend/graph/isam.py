@@ -142,10 +142,11 @@ class Isam:
 
     def relative_covariance(self, a: int, b: int) -> Floats:
         """(3, 3) covariance of T_a_b in (x, y, theta) of a, from the joint marginal."""
-        joint = self.tree.jointMarginalCovariance([pose_key(a), pose_key(b)]).fullMatrix()
         T_a_b = self.pose(a).between(self.pose(b))
         J = np.hstack([-adjoint(T_a_b.inverse()), np.eye(3)])
-        return covariance_in_b(J @ joint @ J.T, -T_a_b.theta)
+        R, _ = self.tree.jointBayesNet(pose_key(a), pose_key(b)).matrix()  # faster than gtsam's joint covariance
+        root = J @ np.linalg.inv(R)
+        return covariance_in_b(root @ root.T, -T_a_b.theta)
 
     def place_covariance(self, a: int, b: int, place_b: Floats) -> Floats:
         """(2, 2) covariance, in a's axes, of the position in keyframe a of `place_b` (2,) m in keyframe b."""

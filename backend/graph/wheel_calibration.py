@@ -8,6 +8,7 @@ seconds. The robot turned e = s_t dtheta + b_m L + b_s t more than that, and hal
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ class WheelCalibration:
             raise WayfiError(f"wheels of distance scale {self.values[0]} would go nowhere: it must be above -1")
 
 
-@dataclass(frozen=True, slots=True)
-class WheelMotion:
+class WheelMotion(NamedTuple):
     """Wheel odometry between two moments: the pose of the later in the earlier, the path (m) and the time (s).
 
     `discontinuities` counts where the odometry began anew in between: the robot may have been moved by any amount.

@@ -16,7 +16,7 @@ from wayfi.frontends.intake.sensor_clock import SensorClock
 from wayfi.frontends.intake.sweep_sets import SweepSet, SweepSets
 from wayfi.frontends.intake.use_watch import UseWatch
 from wayfi.frontends.lasers.laser import Laser, Lasers
-from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, to_base, valid_beams
+from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, sees_anything, to_base
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
     SECOND_NS,
@@ -185,7 +185,7 @@ class ScanIntake:
         """Whether a scan holds a return within the maximum range, a cloud one at all."""
         if isinstance(sweep, PointCloud):
             return has_return(sweep)
-        return len(valid_beams(sweep, self._config.max_range_m)) > 0
+        return sees_anything(sweep, self._config.max_range_m)
 
 
 def sensor_of(sweep: Sweep) -> Sensor:

@@ -6,7 +6,6 @@ the odometry's newest when it comes in. A pause of the sensor changes its stamps
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.intake.still_stamps import StillStamps
@@ -55,7 +54,7 @@ class SensorClock:
         fresh = self._note_odometry()
         self._follow_odometry(stamp_ns)
         stamped = self._judge(stamp_ns, fresh) or self._follow(stamp_ns, fresh)
-        return replace(stamped, told="its stamps move again") if ended else stamped
+        return stamped._replace(told="its stamps move again") if ended else stamped
 
     def _stamp_by_arrival(self, stamp_ns: int) -> Stamped:
         now_ns, first = self._odometry.newest_ns, not self._placed_still

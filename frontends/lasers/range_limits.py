@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.frontends.lasers.bearings import DRIVER
+from wayfi.frontends.lidar.beam_counts import beams_between
 from wayfi.frontends.measurements import LaserScan
 
 FAR_M = 100.0  # the median of a scan's returns: indoors it is metres, in other units hundreds
@@ -43,7 +44,7 @@ class RangeUnit:
 
     def check(self, scan: LaserScan) -> tuple[LaserScan, str]:
         """The scan in metres, and what is wrong with its unit, empty where nothing is."""
-        if self.metres == 1.0 and not (np.isfinite(scan.ranges) & (scan.ranges > FAR_M)).any():
+        if self.metres == 1.0 and not beams_between(scan.ranges, FAR_M, math.inf):
             return scan, ""
         returns = _returns(scan.ranges)
         if len(returns) >= LEAST_RETURNS:

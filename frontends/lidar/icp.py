@@ -130,6 +130,8 @@ def _normal_equations(
     scale_m = max(params.kernel_share * gate_m, params.sigma_m)
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
+        if np.isnan(normals[i, 0]):
+            continue  # a point without a normal would bias the pose
         rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         x, y = rx + pose[0], ry + pose[1]
         k = nearest(x, y, min(gate_m, cells.cell_m), walls, cells)
@@ -138,7 +140,7 @@ def _normal_equations(
         nx, ny = wall_normals[k, 0], wall_normals[k, 1]
         turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
         if not turned_x * nx + turned_y * ny >= params.min_cos:
-            continue  # another face, or a point without a normal, which would bias the pose
+            continue  # another face
         error = nx * (x - walls[k, 0]) + ny * (y - walls[k, 1])
         weight = 1.0 / (1.0 + (error / scale_m) ** 2)
         weights += weight

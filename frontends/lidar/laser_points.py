@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, compose_all
+from wayfi.frontends.lidar.beam_counts import beams_between
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.line_fit import PointSums, fit_line
 from wayfi.frontends.lidar.mount import Mount
@@ -20,8 +21,19 @@ MIN_SINE = 0.1  # of a ray to its wall: at a smaller angle the normal's own erro
 
 def valid_beams(scan: LaserScan, max_range_m: float) -> NDArray[np.int64]:
     """Indices (n,) of the beams with a return within `max_range_m`."""
-    top = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
-    return np.flatnonzero((scan.ranges > max(scan.range_min_m, MIN_RANGE_M)) & (scan.ranges < top))
+    least_m, top_m = _limits(scan, max_range_m)
+    return np.flatnonzero((scan.ranges > least_m) & (scan.ranges < top_m))
+
+
+def sees_anything(scan: LaserScan, max_range_m: float) -> bool:
+    """Whether a beam has a return within `max_range_m`."""
+    return beams_between(scan.ranges, *_limits(scan, max_range_m)) > 0
+
+
+def _limits(scan: LaserScan, max_range_m: float) -> tuple[float, float]:
+    """The limits (m) between which the ranges of a scan are returns."""
+    top_m = min(scan.range_max_m, max_range_m) if scan.range_max_m > 0 else max_range_m
+    return max(scan.range_min_m, MIN_RANGE_M), top_m
 
 
 def beam_points(scan: LaserScan, max_range_m: float) -> tuple[NDArray[np.int64], Floats]:
@@ -91,9 +103,10 @@ def _connected(points: Floats, origin: Floats, shadow_m: float, shadow_rad: floa
     """
     connected = np.zeros(len(points), np.bool_)
     for i in range(len(points) - 1):
-        ray, gap = points[i] - origin, points[i + 1] - points[i]
-        length = np.hypot(gap[0], gap[1])
-        across = abs(ray[0] * gap[1] - ray[1] * gap[0]) / np.hypot(ray[0], ray[1])
+        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
+        dx, dy = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
+        length = np.hypot(dx, dy)
+        across = abs(x * dy - y * dx) / np.hypot(x, y)
         connected[i] = length < shadow_m or across > shadow_rad * length
     return connected
 
@@ -113,7 +126,8 @@ def _fit_normals(
             first -= 1
         while last < n and connected[last - 1] and _is_near(points, i, last, reach_m):
             last += 1
-        x, y, nx, ny = _line_at(sums, points[i] - origin, first, i, last, corner_m)
+        point = points[i, 0] - origin[0], points[i, 1] - origin[1]
+        x, y, nx, ny = _line_at(sums, point, first, i, last, corner_m)
         if np.isnan(nx):
             continue
         if nx * (origin[0] - points[i, 0]) + ny * (origin[1] - points[i, 1]) < 0:
@@ -154,7 +168,7 @@ def _neighbour_reach_m(points: Floats, i: int, radius_m: float) -> float:
 
 @njit(cache=True)
 def _line_at(
-    sums: Floats, point: Floats, first: int, i: int, last: int, corner_m: float
+    sums: Floats, point: tuple[float, float], first: int, i: int, last: int, corner_m: float
 ) -> tuple[float, float, float, float]:
     """The line of point i through points first..last (excluded): centroid x, y from the point, m, and unit normal.
 
@@ -171,8 +185,10 @@ def _line_at(
 
 
 @njit(cache=True)
-def _fit_line(sums: Floats, point: Floats, first: int, last: int) -> tuple[float, float, float, float, float]:
-    """The line through points first..last (excluded), by their running sums; `point` (2,) is from the sensor, m.
+def _fit_line(
+    sums: Floats, point: tuple[float, float], first: int, last: int
+) -> tuple[float, float, float, float, float]:
+    """The line through points first..last (excluded), by their running sums; `point` is from the sensor, m.
 
     Centroid x, y from `point` (m), unit normal x, y, and the variance across (m^2), without bias: two degrees of
     freedom belong to the line. Of fewer than 3 points the normal is NaN and the variance infinite.
@@ -180,7 +196,7 @@ def _fit_line(sums: Floats, point: Floats, first: int, last: int) -> tuple[float
     n = last - first
     if n < 3:
         return 0.0, 0.0, np.nan, np.nan, np.inf
-    px, py = point[0], point[1]
+    px, py = point
     x, y = sums[last, 0] - sums[first, 0], sums[last, 1] - sums[first, 1]
     xx, xy = sums[last, 2] - sums[first, 2], sums[last, 3] - sums[first, 3]
     yy = sums[last, 4] - sums[first, 4]
@@ -205,7 +221,7 @@ def thin(points: Floats, normals: Floats, origin: Floats, spacing_m: float) -> N
     wall_m = np.inf
     for i in range(points.shape[0]):
         if i > 0:
-            wall_m += _wall_length_m(points[i - 1] - origin, points[i] - origin, normals[i])
+            wall_m += _wall_length_m(points, i, origin, normals)
         if wall_m >= spacing_m:
             kept[count] = i
             count += 1
@@ -214,11 +230,13 @@ def thin(points: Floats, normals: Floats, origin: Floats, spacing_m: float) -> N
 
 
 @njit(cache=True)
-def _wall_length_m(before: Floats, ray: Floats, normal: Floats) -> float:
-    """Length (m) of the wall of `normal` from one ray (2,) m to the next; from end to end where no normal is known."""
-    facing = abs(ray[0] * normal[0] + ray[1] * normal[1])
-    wall_m: float = np.hypot(ray[0] - before[0], ray[1] - before[1])
-    if facing > MIN_SINE * np.hypot(ray[0], ray[1]):
-        turned = abs(before[0] * ray[1] - before[1] * ray[0]) / np.hypot(before[0], before[1])
-        wall_m = turned * np.hypot(ray[0], ray[1]) / facing
+def _wall_length_m(points: Floats, i: int, origin: Floats, normals: Floats) -> float:
+    """Length (m) of wall from the point before to point i; from one to the other where no normal is known."""
+    before_x, before_y = points[i - 1, 0] - origin[0], points[i - 1, 1] - origin[1]
+    x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
+    facing = abs(x * normals[i, 0] + y * normals[i, 1])
+    wall_m: float = np.hypot(x - before_x, y - before_y)
+    if facing > MIN_SINE * np.hypot(x, y):
+        turned = abs(before_x * y - before_y * x) / np.hypot(before_x, before_y)
+        wall_m = turned * np.hypot(x, y) / facing
     return wall_m

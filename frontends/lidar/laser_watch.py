@@ -7,10 +7,10 @@ from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfi.frontends.complaints import Complaints, Fault
 from wayfi.frontends.events import Dropped, DropReason, Event, Warned
+from wayfi.frontends.lidar.beam_counts import beams_between, largest_range
 from wayfi.frontends.lidar.lidar_config import LaserWatchConfig
 from wayfi.frontends.measurements import SECOND_NS, LaserScan, PointCloud, Sensor, Sweep
 
@@ -92,18 +92,20 @@ class NoReturnRange:
 
     def mark(self, scan: LaserScan) -> LaserScan:
         """The scan with inf for the beams that did not return."""
-        limit_m = self._config.limit_share * scan.range_max_m if scan.range_max_m > 0 else np.inf
-        finite = scan.ranges[np.isfinite(scan.ranges)]
+        limit_m = np.inf
+        if scan.range_max_m > 0:
+            limit_m = float(np.float32(self._config.limit_share * scan.range_max_m))  # as precise as ranges are
+        largest_m, have_it = largest_range(scan.ranges)
         self.confirmed = False
-        if len(finite) and finite.max() < limit_m:
-            self._update(finite, len(scan.ranges))
+        if have_it and largest_m < limit_m:
+            self._update(largest_m, have_it, len(scan.ranges))
             limit_m = self.range_m
-        beyond: NDArray[np.bool_] = scan.ranges >= limit_m
-        return replace(scan, ranges=np.where(beyond, np.float32(np.inf), scan.ranges)) if beyond.any() else scan
+        if largest_m < limit_m:
+            return scan
+        return replace(scan, ranges=np.where(scan.ranges >= limit_m, np.float32(np.inf), scan.ranges))
 
-    def _update(self, finite: NDArray[np.float32], beams: int) -> None:
-        largest_m = float(finite.max())
-        if int((finite == largest_m).sum()) < self._config.no_return_share * beams:
+    def _update(self, largest_m: float, have_it: int, beams: int) -> None:
+        if have_it < self._config.no_return_share * beams:
             if largest_m > self.range_m:
                 self.range_m, self._scans = np.inf, 0
             return
@@ -114,14 +116,11 @@ class NoReturnRange:
 
 def covered_share(scan: LaserScan, cover_m: float) -> float:
     """The share of a scan's beams that end nearer than `cover_m`, or than the sensor's least range."""
-    return _share((scan.ranges > 0) & (scan.ranges < max(scan.range_min_m, cover_m)))
+    return beams_between(scan.ranges, 0.0, max(scan.range_min_m, cover_m)) / max(len(scan.ranges), 1)
 
 
 def return_share(scan: LaserScan) -> float:
     """The share of a scan's beams that return."""
     max_m = scan.range_max_m if scan.range_max_m > 0 else np.inf
-    return _share((scan.ranges >= scan.range_min_m) & (scan.ranges > 0) & (scan.ranges < max_m))
-
-
-def _share(beams: NDArray[np.bool_]) -> float:
-    return float(np.count_nonzero(beams)) / max(len(beams), 1)
+    too_near = beams_between(scan.ranges, 0.0, scan.range_min_m)
+    return (beams_between(scan.ranges, 0.0, max_m) - too_near) / max(len(scan.ranges), 1)

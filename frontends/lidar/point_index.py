@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
 
+ROUNDING_M = 1e-6  # by which a point may seem to lie in the next cell
 MAX_CELLS = 1_000_000  # bounds the memory of `starts` to 8 MB, however far a false point lies: 500 x 500 m at 0.5 m
 
 
@@ -84,10 +85,21 @@ def block_around(x: float, y: float, cells: CellGrid) -> tuple[int, int, int, in
     return max(row - 1, 0), min(row + 2, cells.rows), left, right
 
 
+@njit(cache=True, inline="always")  # as below
+def block_within(x: float, y: float, reach_m: float, cells: CellGrid) -> tuple[int, int, int, int]:
+    """The cells that hold what is within `reach_m` of (x, y) m along both axes, as of `block_around`."""
+    row, column = (x - cells.origin[0]) / cells.cell_m, (y - cells.origin[1]) / cells.cell_m
+    reach = reach_m / cells.cell_m
+    left, right = max(int(np.floor(column - reach)), 0), min(int(np.floor(column + reach)) + 1, cells.columns)
+    if left >= right:
+        return 0, 0, 0, 0
+    return max(int(np.floor(row - reach)), 0), min(int(np.floor(row + reach)) + 1, cells.rows), left, right
+
+
 @njit(cache=True, inline="always")  # a tenth of ICP's time
 def nearest(x: float, y: float, gate_m: float, points: Floats, cells: CellGrid) -> int:
     """Row of the point nearest to (x, y) m within `gate_m`, which is at most a cell's side; -1 if there is none."""
-    top, bottom, left, right = block_around(x, y, cells)
+    top, bottom, left, right = block_within(x, y, gate_m + ROUNDING_M, cells)
     best, best_d2 = -1, gate_m * gate_m
     starts, columns = cells.starts, cells.columns
     for r in range(top, bottom):

@@ -5,8 +5,8 @@ The pipeline and the live pose both use it, so that they accept the same message
 
 import math
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
-from typing import Self
+from dataclasses import replace
+from typing import NamedTuple, Self
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
@@ -23,8 +23,7 @@ HEADLESS_MESSAGES = 5  # in a row: a robot that drives, not a message that is br
 HEADLESS = "the odometry's orientation is a quaternion of zeros: such messages are not used"
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(NamedTuple):
     """What became of a message: its new `point` of the path, or why it is `dropped`; its stamp is on the time base.
 
     `T_odom_base` is the pose that is used of it. `shift_ns` is set where the time base was moved, `ends_stand_in` for
@@ -38,7 +37,7 @@ class Accepted:
     shift_ns: int = 0
     ends_stand_in: bool = False
     plausible: bool = True
-    T_odom_base: Pose2 = field(default_factory=Pose2)
+    T_odom_base: Pose2 = Pose2()
     told: str = ""
 
 
@@ -68,7 +67,7 @@ class AcceptedOdometry:
             self.path.forget_aside()
         told = switched or integrated or converted or self._tell_if_headless(pose)
         accepted = self._add(m if pose is m.pose else replace(m, pose=pose), Sensor.ODOM)
-        return replace(accepted, told=told) if told else accepted
+        return accepted._replace(told=told) if told else accepted
 
     def follow_transform(self, m: Odometry) -> Accepted:
         """Add a pose by /tf, which leads, to the path, unless it has to be dropped."""

@@ -4,6 +4,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,7 @@ ROUNDING = 1e-6  # m and rad
 LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
 
 
-@dataclass(frozen=True, slots=True)
-class PathPoint:
+class PathPoint(NamedTuple):
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
     `discontinuities` counts the restarts of the odometry of which the motion is unknown.
@@ -184,10 +184,10 @@ class DrivenPath:
 
     def lengths_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
-        known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
-        path_m = np.array([point.path_m for point in self._points])
-        if len(known_ns) == 0:
+        if not self._points:
             return np.full(len(stamps_ns), np.nan)
+        stamps, _, lengths_m, _ = zip(*self._points, strict=True)
+        known_ns, path_m = np.array(stamps, np.int64), np.array(lengths_m)
         after = np.searchsorted(known_ns, stamps_ns)
         inside = (after < len(known_ns)) & (stamps_ns >= known_ns[0])
         after = np.where(inside, after, 0)

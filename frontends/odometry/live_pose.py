@@ -1,13 +1,14 @@
 """Gives the pose at the rate of the odometry, extrapolated from the newest estimate."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wayfi.backend.graph.health import State
-from wayfi.backend.graph.wheel_calibration import WheelCalibration
-from wayfi.backend.pose2 import Floats, Pose2, adjoint
+from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
+from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import PosePublished
 from wayfi.frontends.measurements import Odometry
 from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
@@ -38,11 +39,8 @@ class Anchor:
         """The pose in `map` at a point of the path, by the wheels from the keyframe."""
         motion = self.point.motion_to(point)
         T = self.T_map_base @ motion.corrected(self.calibration)
-        dx, dy = T.x - self.T_map_base.x, T.y - self.T_map_base.y
-        lever = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        turn = adjoint(Pose2(0.0, 0.0, self.T_map_base.theta))
-        wheels = wheel_covariance(motion, config, self.covariance_scale)
-        covariance = lever @ self.covariance @ lever.T + turn @ wheels @ turn.T
+        wheels = wheel_covariance(_in_axes_of_map(motion, self.T_map_base.theta), config, self.covariance_scale)
+        covariance = _moved(self.covariance, T.x - self.T_map_base.x, T.y - self.T_map_base.y) + wheels
         unsure = motion.discontinuities and self.state is State.TRACKING
         state = State.UNCERTAIN if unsure else self.state
         return PosePublished(point.stamp_ns, T, T @ T_odom_base.inverse(), T_odom_base, covariance, state)
@@ -127,3 +125,19 @@ class LivePose:
         """The first pose is the origin of `map`."""
         anchor = Anchor(point, Pose2(), ORIGIN_COVARIANCE, self._calibration, 1.0, State.TRACKING)
         self._estimate = replace(self._estimate, anchor=anchor)
+
+
+def _in_axes_of_map(motion: WheelMotion, theta: float) -> WheelMotion:
+    """A motion from a keyframe that heads `theta` (rad) in `map`, its x and y along the axes of that."""
+    c, s = math.cos(theta), math.sin(theta)
+    x, y = motion.pose.x, motion.pose.y
+    return motion._replace(pose=Pose2(c * x - s * y, s * x + c * y, motion.pose.theta))
+
+
+def _moved(covariance: Floats, dx: float, dy: float) -> Floats:
+    """The (3, 3) covariance of a pose in `map` as that of one (dx, dy) m further, which its heading moves sideways."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = covariance.tolist()
+    moved_xt, moved_yt = xt - dy * tt, yt + dx * tt
+    moved_xx, moved_yy = xx - dy * (xt + moved_xt), yy + dx * (yt + moved_yt)
+    moved_xy = xy + dx * xt - dy * moved_yt
+    return np.array([[moved_xx, moved_xy, moved_xt], [moved_xy, moved_yy, moved_yt], [moved_xt, moved_yt, tt]])

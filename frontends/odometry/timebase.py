@@ -1,6 +1,7 @@
 """Makes the stamps of one clock monotone: drops single jumps, and shifts the stamps where the clock was set back."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import SECOND_NS
@@ -9,8 +10,7 @@ from wayfi.frontends.odometry.odometry_config import ClockConfig
 LAST_LEAP_NS = (2**31 - 365 * 86_400) * SECOND_NS  # ROS 2 stamps end at 2^31 s: a leap ends a year before, to drive on
 
 
-@dataclass(frozen=True, slots=True)
-class Stamped:
+class Stamped(NamedTuple):
     """A stamp on the time base (ns), or why the message is dropped; `shift_ns` is set where the offset was changed.
 
     `told` is what is to be told of the sensor's clock, if anything is.

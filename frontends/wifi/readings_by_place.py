@@ -71,6 +71,7 @@ class ReadingsByPlace:
         """The mean RSSI of each BSSID that was heard near `point`."""
         heard: dict[str, list[float]] = {}
         for scan, _ in scans:
-            for i in np.flatnonzero(np.abs(scan.taken_m - point.path_m) <= self._config.near_m):
-                heard.setdefault(scan.readings.bssids[i], []).append(float(scan.readings.rssi[i]))
+            near = np.flatnonzero(np.abs(scan.taken_m - point.path_m) <= self._config.near_m)
+            for i, rssi in zip(near.tolist(), scan.readings.rssi[near].tolist(), strict=True):
+                heard.setdefault(scan.readings.bssids[i], []).append(rssi)
         return mean_rssi(heard)

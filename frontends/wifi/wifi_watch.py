@@ -57,7 +57,7 @@ class WifiWatch:
         malformed = [not BSSID.fullmatch(bssid) for bssid in scan.bssids]
         absurd = ~((scan.rssi >= LOWEST_DBM) & (scan.rssi <= HIGHEST_DBM))
         aged = scan.age_s[(scan.age_s > 0.0) & (scan.age_s < np.inf)]
-        bad = next((bssid for bssid in scan.bssids if not BSSID.fullmatch(bssid)), "")
+        bad = scan.bssids[malformed.index(True)] if any(malformed) else ""
         yield from judge(stamp_ns, scan.receiver, DropReason.MALFORMED_BSSID, malformed, _text_of_bssid(bad))
         no_dbm = yield from judge(
             stamp_ns, scan.receiver, DropReason.ABSURD_RSSI, absurd.tolist(), _text_of_rssi(scan.rssi[absurd])

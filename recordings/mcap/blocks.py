@@ -3,6 +3,7 @@
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import ChunkIndex
@@ -19,8 +20,7 @@ class RecordingError(WayfiError):
     """A recording that cannot be opened, holds no message that can be read, or cannot be written."""
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+class Record(NamedTuple):
     """One message of a recording, logged at `log_time_ns`: `data` in `encoding` ('cdr', 'json' or another)."""
 
     topic: str

@@ -4,8 +4,8 @@ The length of a record that was damaged hardly ever fits its fields, so that a s
 """
 
 import struct
-from dataclasses import dataclass
 from mmap import mmap
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 
@@ -37,8 +37,7 @@ _FIELDS: dict[int, tuple[int | str, ...]] = {
 """The fields of each record but a message's: a number of bytes, or the format of the length before text or data."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordSpan:
+class RecordSpan(NamedTuple):
     """Where the content of a record is: `length` bytes at `offset`."""
 
     opcode: int

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from wayfi.backend.errors import WayfiError
-from wayfi.frontends.events import Event
+from wayfi.frontends.events import Event, PosePublished
 from wayfi.recordings.rerun.config import RerunConfig
+from wayfi.recordings.rerun.limiter import Limiter
 
 BATCH = 64  # messages in a pickle; a pickle for each message doubles the time
 MAX_QUEUED = 100  # pickles, about 30 MB
@@ -52,12 +53,14 @@ class LogProcess:
         self._writer = threading.Thread(target=self._write, name="log writer", daemon=True)
         self._writer.start()
         self._batch: list[Any] = []
+        self._poses = _DrawnPoses(part.config.pose_hz)
         self._path = part.path
         self._send([part])
 
     def log(self, event: Event) -> None:
         """Show `event`."""
-        self._add(event)
+        for drawn in self._poses.of(event):
+            self._add(drawn)
 
     def log_durations(self, durations: Mapping[str, float]) -> None:
         """Show how many seconds each stage took."""
@@ -154,3 +157,25 @@ class LogProcess:
     def _progress(self) -> tuple[int, int]:
         size = self._path.stat().st_size if self._path.exists() else 0
         return self._pickles.qsize(), size
+
+
+class _DrawnPoses:
+    """Leaves out the poses that are not drawn, nine of ten: to pickle them takes longer than anything else.
+
+    Those are kept that the views draw, at `hz` or half of it, a new state, and the newest before any other event.
+    """
+
+    def __init__(self, hz: float) -> None:
+        self._limits = Limiter(hz), Limiter(hz / 2)
+        self._newest: PosePublished | None = None
+        self._is_sent = True
+
+    def of(self, event: Event) -> list[Event]:
+        """The events that are to be sent now that `event` has come."""
+        before, was_sent = self._newest, self._is_sent
+        if not isinstance(event, PosePublished):
+            self._is_sent = True
+            return [event] if before is None or was_sent else [before, event]
+        passes = [limit.passes(event.stamp_ns) for limit in self._limits]
+        self._newest, self._is_sent = event, any(passes) or before is None or event.state is not before.state
+        return [event] if self._is_sent else []

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from wayfi.backend.errors import WayfiError
 from wayfi.backend.pose2 import Floats, Pose2
-from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
 
@@ -82,21 +81,6 @@ def _require_free(port: int) -> None:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind(("127.0.0.1", port))
-
-
-class Limiter:
-    """Limits a rate to `hz`, in the time of the recording."""
-
-    def __init__(self, hz: float) -> None:
-        self._interval_ns = round(SECOND_NS / hz)
-        self._next_ns: int | None = None
-
-    def passes(self, stamp_ns: int) -> bool:
-        """Whether an interval has passed since the last stamp that passed; also true if time has gone back."""
-        if self._next_ns is not None and self._next_ns - self._interval_ns <= stamp_ns < self._next_ns:
-            return False
-        self._next_ns = stamp_ns + self._interval_ns
-        return True
 
 
 def transform(T: Pose2) -> rr.Transform3D:

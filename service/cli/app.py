@@ -11,6 +11,7 @@ from wayfi.service.cli.maps import align, closures, merge
 from wayfi.service.cli.radio import radio
 from wayfi.service.cli.recordings import demo, import_file, inspect, localize, publish, record, replay, simulate
 from wayfi.service.cli.results import evaluate, reproduce, view
+from wayfi.service.process.collection import collect_seldom
 from wayfi.service.process.compilation import ensure_cache
 
 app = typer.Typer(
@@ -44,5 +45,6 @@ app.command(name="warm-up")(compile_all)
 
 def main() -> None:
     """The entry point of `wayfi`."""
+    collect_seldom()
     ensure_cache()
     app()

@@ -41,7 +41,7 @@ from wayfi.service.drive.counters import merged
 from wayfi.service.drive.live_drive import LiveDrive
 from wayfi.service.drive.results import Source, hash_of, write_results
 from wayfi.service.drive.warm_up import warm_up
-from wayfi.service.process.collection import loaded_objects_left_alone
+from wayfi.service.process.collection import collect_seldom, loaded_objects_left_alone
 from wayfi.service.process.compilation import watch_compilation
 from wayfi.service.transport.message_queue import Received
 from wayfi.service.transport.output_messages import map_message
@@ -219,6 +219,7 @@ def main() -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     os.nice(NICENESS)
+    collect_seldom()
     numbers = (int(word) for word in sys.argv[1:3])
     incoming, outgoing = Connection(next(numbers), writable=False), Connection(next(numbers), readable=False)
     try:

@@ -93,6 +93,8 @@ class Drive:
 
     def show(self, events: list[Event]) -> None:
         """Count and log events; to be called after they were published, because logging takes longer."""
+        if not events:
+            return
         with self.timer("log"):
             for event in events:
                 self.counters.count(event)

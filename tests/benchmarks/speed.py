@@ -32,7 +32,7 @@ from wayfi.recordings.simulation.worlds.blueprints import World
 from wayfi.service.config import load_config
 from wayfi.service.drive.drive import Drive
 from wayfi.service.drive.warm_up import warm_up
-from wayfi.service.process.collection import loaded_objects_left_alone
+from wayfi.service.process.collection import collect_seldom, loaded_objects_left_alone
 from wayfi.service.replay.replayers import PlainReplayer
 
 MADE = Path(__file__).resolve().parents[2] / "build" / "benchmarks" / "rough" / "carpark"
@@ -148,6 +148,7 @@ def main() -> None:
         return
     if not arguments.recordings and not MADE.exists():
         simulate(World.CARPARK, MADE)
+    collect_seldom()
     warm_up()
     for folder in arguments.recordings or [MADE]:
         report(folder, ["lidar.enabled=false"] if arguments.without_laser else [])

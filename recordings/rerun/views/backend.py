@@ -8,7 +8,8 @@ import rerun as rr
 from wayfi.backend.graph.health import State
 from wayfi.frontends.events import CalibrationUpdated, GraphUpdated, PosePublished, StateChanged, Verdict
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, RerunStream
+from wayfi.recordings.rerun.limiter import Limiter
+from wayfi.recordings.rerun.stream import RerunStream
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, VERDICT
 from wayfi.recordings.rerun.views.view import Handlers
 

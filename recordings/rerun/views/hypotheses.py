@@ -7,7 +7,8 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import HypothesesFollowed
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, RerunStream, downsampled, transform
+from wayfi.recordings.rerun.limiter import Limiter
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import HYPOTHESIS, screen_radius
 from wayfi.recordings.rerun.views.robot import ARROW
 from wayfi.recordings.rerun.views.view import Handlers

@@ -8,7 +8,8 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import KeyframeAdded, PosePublished, StateChanged
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, RerunStream, transform
+from wayfi.recordings.rerun.limiter import Limiter
+from wayfi.recordings.rerun.stream import RerunStream, transform
 from wayfi.recordings.rerun.style import ESTIMATE, ODOMETRY, STATE, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 

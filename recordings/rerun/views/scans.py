@@ -5,7 +5,8 @@ import rerun as rr
 from wayfi.frontends.events import KeyframeAdded, SubmapMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, RerunStream, downsampled, transform
+from wayfi.recordings.rerun.limiter import Limiter
+from wayfi.recordings.rerun.stream import RerunStream, downsampled, transform
 from wayfi.recordings.rerun.style import SCAN, SUBMAP, screen_radius
 from wayfi.recordings.rerun.views.view import Handlers
 

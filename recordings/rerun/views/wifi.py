@@ -8,7 +8,8 @@ from wayfi.backend.pose2 import Floats, compose_all
 from wayfi.frontends.events import FingerprintAdded, SequenceMatched
 from wayfi.recordings.rerun import arrows
 from wayfi.recordings.rerun.config import RerunConfig
-from wayfi.recordings.rerun.stream import Limiter, RerunStream, flip_y, segments
+from wayfi.recordings.rerun.limiter import Limiter
+from wayfi.recordings.rerun.stream import RerunStream, flip_y, segments
 from wayfi.recordings.rerun.style import HERE, PAIRING, SEQUENCE_A, SEQUENCE_B, screen_radius
 from wayfi.recordings.rerun.views.poses import Poses
 from wayfi.recordings.rerun.views.view import Handlers

@@ -8,6 +8,9 @@ import pytest
 from rerun.chunk import RrdReader
 from rerun_events import drive
 
+from wayfi.backend.graph.health import State
+from wayfi.frontends.events import PosePublished
+from wayfi.frontends.measurements import SECOND_NS
 from wayfi.recordings.rerun import log_process
 from wayfi.recordings.rerun.config import RerunConfig
 from wayfi.recordings.rerun.log_process import LogProcess, LogProcessError, Part
@@ -63,3 +66,11 @@ def test_a_process_that_writes_no_more_is_not_waited_for(
 
     with pytest.raises(LogProcessError, match=r"a\.rrd: cannot be written to its end"):
         log_and_close()
+
+
+def test_of_poses_that_nothing_follows_from_those_are_sent_that_are_drawn() -> None:
+    poses = [event for event in EVENTS if isinstance(event, PosePublished)]
+    still = [replace(poses[0], stamp_ns=poses[0].stamp_ns + n * SECOND_NS // 10) for n in range(60)]
+    lost = replace(still[-1], stamp_ns=still[-1].stamp_ns + 1, state=State.LOST)
+    drawn = log_process._DrawnPoses(CONFIG.pose_hz)
+    assert [pose for event in [*still, lost] for pose in drawn.of(event)] == [*still[::10], lost]

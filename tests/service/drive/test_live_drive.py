@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -141,7 +141,7 @@ def with_fixes(drive: Recorded) -> Iterator[Record]:
             odometry = decode(record.data, Sensor.ODOM, Encoding.CDR)
             true = Pose2.of(drive.truth.at(np.array([odometry.stamp_ns]))[0])
             fix = PoseFix(odometry.stamp_ns, first.between(true), diagonal_covariance(0.3, 0.2))
-            yield replace(record, topic="/fix", type_name=POSE_WITH_COVARIANCE, data=encode(fix))
+            yield record._replace(topic="/fix", type_name=POSE_WITH_COVARIANCE, data=encode(fix))
 
 
 def test_vetoes_and_restores_replay_to_the_same_drive(drive: Recorded) -> None:
@@ -176,7 +176,7 @@ def with_transforms(records: list[Record]) -> Iterator[Record]:
         T, half = odometry.pose, 0.5 * odometry.pose.theta
         pose = Transform("odom", "base_link", (T.x, T.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
         moved = MovingTransforms(odometry.stamp_ns, (pose,), (odometry.stamp_ns,))
-        yield replace(record, topic="/tf", type_name=TF_MESSAGE, data=encode(moved))
+        yield record._replace(topic="/tf", type_name=TF_MESSAGE, data=encode(moved))
         if number // 500 % 2:
             yield record
 

@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from wayfi.service.process.collection import loaded_objects_left_alone
+from wayfi.service.process.collection import NEW_OBJECTS, collect_seldom, loaded_objects_left_alone
 
 
 def test_only_what_comes_later_is_visited() -> None:
@@ -20,3 +20,12 @@ def test_an_error_ends_it_as_well() -> None:
     with pytest.raises(ValueError, match="stop"), loaded_objects_left_alone():
         raise ValueError("stop")
     assert gc.get_freeze_count() == 0
+
+
+def test_collections_come_seldom_from_then_on() -> None:
+    before = gc.get_threshold()
+    try:
+        collect_seldom()
+        assert gc.get_threshold() == (NEW_OBJECTS, *before[1:])
+    finally:
+        gc.set_threshold(*before)
