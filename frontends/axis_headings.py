@@ -22,6 +22,7 @@ class AxisHeadings:
         self._graph, self._prior, self._config = graph, prior, config
         self._axes: BuildingAxes | None = None
         self._start = 0
+        self._doubted: set[int] = set()
         self._wings = self._newest_wing = max((factor.wing for factor in graph.of_kind(AxisFactor)), default=0)
 
     def interrupt(self) -> None:
@@ -46,18 +47,49 @@ class AxisHeadings:
         if settled and self._newest_wing > self._wings and not self._graph.of_kind(AxisFactor):
             self.interrupt()  # they were withdrawn
             return
-        for along in settled:
-            self._newest_wing = self._wings + along.wing
-            keyframe = self._start + along.step
-            self._graph.add(AxisFactor(keyframe, self._newest_wing, along.turned, self._config.sigma_rad))
-            if along.slipped:
-                self._doubt_wheels(self._start + along.doubtful_from, keyframe, along.slipped**2)
+        self._add(settled, self._start, self._wings)
         if self._bends(settled, poses):
             self._restart(self._axes.calibration, poses)
 
+    def decide_again(self) -> bool:
+        """At the end, decide by what is known of the wheels now what was driven along axes; returns whether that helps.
+
+        It does where axes were withdrawn, or where the wheels' errors passed for another wing at first. Nothing changes
+        where scans were matched, where the drive goes on with a map, or unless more samples are along axes than before,
+        or the wings are fewer.
+        """
+        graph, wheels = self._graph, self._graph.of_kind(WheelFactor)
+        whole = 0 < len(wheels) == graph.keyframes - 1 and not graph.scan_matched().any()
+        if not (self._config.enabled and whole):
+            return False
+        known = WheelCalibration(graph.calibrations()[0], graph.calibration().sigmas)
+        axes = BuildingAxes(graph.pose(0).theta, known, self._config)
+        settled: list[AlongAxis] = []
+        for factor in wheels:
+            axes.add(factor.motion, float(factor.covariance[2, 2]))
+            settled += axes.settled()
+        before = graph.of_kind(AxisFactor)
+        samples, wings = len(settled) - len(before), len({s.wing for s in settled}) - len({f.wing for f in before})
+        if samples < 0 or (before and wings > 0) or samples == wings == 0:
+            return False
+        withdraw_axes(graph)
+        self._add(settled, 0, self._newest_wing)
+        graph.restart(graph.calibrations(), graph.poses())
+        return True
+
+    def _add(self, settled: list[AlongAxis], start: int, wings: int) -> None:
+        """Add a factor for each sample, whose steps count from keyframe `start` and whose wings from `wings`."""
+        for along in settled:
+            self._newest_wing, keyframe = wings + along.wing, start + along.step
+            self._graph.add(AxisFactor(keyframe, self._newest_wing, along.turned, self._config.sigma_rad))
+            if along.slipped:
+                self._doubt_wheels(start + along.doubtful_from, keyframe, along.slipped**2)
+
     def _doubt_wheels(self, first: int, last: int, variance: float) -> None:
-        """Give the wheels' turns between two keyframes `variance` (rad^2) more: they slipped at one of the steps."""
-        steps = {n: f for n, f in self._graph.factors().items() if isinstance(f, WheelFactor) and first < f.b <= last}
+        """Give the wheels' turns between two keyframes `variance` (rad^2) more, once: they slipped at one of them."""
+        doubtful = set(range(first + 1, last + 1)) - self._doubted
+        self._doubted |= doubtful
+        steps = {n: f for n, f in self._graph.factors().items() if isinstance(f, WheelFactor) and f.b in doubtful}
         for number, factor in steps.items():
             covariance = factor.covariance + np.diag([0.0, 0.0, variance / len(steps)])
             self._graph.substitute(number, replace(factor, covariance=covariance))

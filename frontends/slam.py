@@ -218,12 +218,14 @@ class SlamCore:
             return [grid_event(stamp_ns, self._grids.redraw(self.poses, self.keyframes.floors), self.keyframes.floor)]
 
     def _settle(self, stamp_ns: int) -> list[Event]:
-        """Use the last WiFi candidates, review all closures, and again once it is known how far ahead WiFi hears."""
+        """Use the last WiFi candidates, and what only the whole drive tells; review all closures after each."""
         review = partial(self._review, last=True)
         events = self._close_by_wifi(self._wifi.released(at_end=True), stamp_ns, last=True)
         events += self._estimate.settle(stamp_ns, review)
-        changed = learn_heard_ahead(self._graph, self._wifi_closer.claims)
-        return events + self._estimate.settle(stamp_ns, review) if changed else events
+        for learn in (self._axes.decide_again, partial(learn_heard_ahead, self._graph, self._wifi_closer.claims)):
+            if learn():
+                events += self._estimate.settle(stamp_ns, review)
+        return events
 
     def _check(self, candidate: WifiCandidate, stamp_ns: int) -> list[Event]:
         """Check a candidate by the laser if that saw both places; without a verdict, hold it for WiFi's own."""

@@ -5,11 +5,11 @@ import pytest
 from graphs import PRIOR, WHEELS
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import AxisFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.axis_headings import AxisHeadings
+from wayfi.frontends.axis_headings import AxisHeadings, withdraw_axes
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 BIAS, STEP_M = 0.025, 0.5
@@ -75,3 +75,26 @@ def test_wings_are_numbered_on_from_those_of_a_map() -> None:
     own = {factor.wing for factor in graph.of_kind(AxisFactor) if factor.b > 0}
     assert own
     assert min(own) > 3
+
+
+def test_at_the_end_axes_that_were_withdrawn_are_found_again_for_all_of_the_drive() -> None:
+    graph = driven(AxesConfig(enabled=True), 160, slip_at=60)
+    withdraw_axes(graph)
+    graph.settle()
+    assert abs(graph.poses()[-1, 2]) > 1.0
+    axes = AxisHeadings(graph, PRIOR, AxesConfig(enabled=True))
+    assert axes.decide_again()
+    graph.settle()
+    assert np.quantile(np.abs(graph.poses()[:, 2]), 0.9) < 0.1, "but for the sample in which the wheels slipped"
+    assert min(factor.b for factor in graph.of_kind(AxisFactor)) < 20
+    assert not axes.decide_again(), "the same wheels tell the same axes"
+
+
+def test_at_the_end_nothing_is_decided_again_that_scans_tell_or_that_is_switched_off() -> None:
+    graph = driven(AxesConfig(enabled=True), 100)
+    withdraw_axes(graph)
+    assert not AxisHeadings(graph, PRIOR, AxesConfig(enabled=False)).decide_again()
+    graph.add(BetweenFactor(50, 51, Pose2(STEP_M, 0.0, 0.0), np.diag([1e-4, 1e-4, 1e-6])))
+    graph.settle()
+    assert not AxisHeadings(graph, PRIOR, AxesConfig(enabled=True)).decide_again()
+    assert graph.of_kind(AxisFactor) == []
