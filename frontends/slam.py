@@ -222,7 +222,8 @@ class SlamCore:
         review = partial(self._review, last=True)
         events = self._close_by_wifi(self._wifi.released(at_end=True), stamp_ns, last=True)
         events += self._estimate.settle(stamp_ns, review)
-        for learn in (self._axes.decide_again, partial(learn_heard_ahead, self._graph, self._wifi_closer.claims)):
+        hear_ahead = partial(learn_heard_ahead, self._graph, self._wifi_closer.claims)
+        for learn in (self._axes.decide_again, self._axes.join_wings, hear_ahead):
             if learn():
                 events += self._estimate.settle(stamp_ns, review)
         return events

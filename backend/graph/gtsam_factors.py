@@ -58,10 +58,10 @@ def walk_factor(stretch: int, sigmas: Floats) -> gtsam.NonlinearFactor:
     return gtsam.BetweenFactorVector(calibration_key(stretch - 1), calibration_key(stretch), np.zeros(4), noise)
 
 
-def axes_walk(state: int, sigma_rad: float) -> gtsam.NonlinearFactor:
-    """The random walk of the direction of the axes from the state before."""
+def axes_walk(before: int, state: int, sigma_rad: float) -> gtsam.NonlinearFactor:
+    """The random walk of the direction of the axes from the state `before` it."""
     noise = gtsam.noiseModel.Isotropic.Sigma(1, sigma_rad)
-    return gtsam.BetweenFactorVector(axes_key(state - 1), axes_key(state), np.zeros(1), noise)
+    return gtsam.BetweenFactorVector(axes_key(before), axes_key(state), np.zeros(1), noise)
 
 
 def axes_prior(state: int, direction: float, sigma_rad: float) -> gtsam.NonlinearFactor:

@@ -98,3 +98,23 @@ def test_at_the_end_nothing_is_decided_again_that_scans_tell_or_that_is_switched
     graph.settle()
     assert not AxisHeadings(graph, PRIOR, AxesConfig(enabled=True)).decide_again()
     assert graph.of_kind(AxisFactor) == []
+
+
+@pytest.mark.parametrize(("missed", "quarters"), [(0.08, 0), (-0.08, 1), (0.05, -1), (0.3, 0)])
+def test_at_the_end_a_wing_of_the_first_ones_direction_is_that_one(missed: float, quarters: int) -> None:
+    """There and back into a wing at 0.6 rad, by wheels that miss some of the turn back, and name another axis."""
+    graph, rad = PoseGraph(BackendConfig(), PRIOR), quarters * np.pi / 2
+    graph.add_keyframe(Pose2())
+    for k in range(150):
+        turn = {50: 0.6, 100: missed - 0.6}.get(k, 0.0)
+        motion = WheelMotion(Pose2(STEP_M, 0.0, turn), STEP_M, 1.0)
+        graph.add_keyframe(graph.pose(k) @ motion.pose)
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS + np.diag([0.0, 0.0, 0.01 * (k == 100)])))
+    for k in range(4, 150, 4):
+        wing = 1 + (k > 50) + (k > 100)
+        graph.add(AxisFactor(k, wing, rad if wing == 3 else 0.0, 0.1))
+    graph.settle()
+    assert AxisHeadings(graph, PRIOR, AxesConfig()).join_wings() == (missed < 0.1)
+    graph.settle()
+    assert graph.poses()[-1, 2] == pytest.approx(0.0 if missed < 0.1 else missed, abs=0.03)
+    assert {f.wing for f in graph.of_kind(AxisFactor)} == ({1, 2} if missed < 0.1 else {1, 2, 3})
