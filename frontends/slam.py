@@ -1,6 +1,5 @@
 """Keyframes, fingerprints and closures become one graph, and the graph one estimate of the drive."""
 
-from functools import partial
 from itertools import pairwise
 
 from wayfi.backend.graph.factors import BetweenFactor, WheelFactor
@@ -219,14 +218,15 @@ class SlamCore:
 
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and what only the whole drive tells; review all closures after each."""
-        review = partial(self._review, last=True)
         events = self._close_by_wifi(self._wifi.released(at_end=True), stamp_ns, last=True)
-        events += self._estimate.settle(stamp_ns, review)
-        hear_ahead = partial(learn_heard_ahead, self._graph, self._wifi_closer.claims)
-        for learn in (self._axes.decide_again, self._axes.join_wings, hear_ahead):
-            if learn():
-                events += self._estimate.settle(stamp_ns, review)
+        events += self._settle_reviewed(stamp_ns)
+        claims = self._wifi_closer.claims
+        for learn in (self._axes.decide_again, self._axes.join_wings, lambda: learn_heard_ahead(self._graph, claims)):
+            events += self._settle_reviewed(stamp_ns) if learn() else []
         return events
+
+    def _settle_reviewed(self, stamp_ns: int) -> list[Event]:
+        return self._estimate.settle(stamp_ns, lambda: self._review(last=True))
 
     def _check(self, candidate: WifiCandidate, stamp_ns: int) -> list[Event]:
         """Check a candidate by the laser if that saw both places; without a verdict, hold it for WiFi's own."""
