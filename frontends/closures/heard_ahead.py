@@ -58,13 +58,17 @@ def _slope(graph: PoseGraph, claims: WifiClaims) -> tuple[float, float]:
 
 
 def _hear(graph: PoseGraph, claims: WifiClaims, ahead_m: float) -> None:
-    """Let the places of all claims be `ahead_m` ahead of where the robot was."""
+    """Let the places of all claims be `ahead_m` ahead of where the robot was, and start the graph again with them.
+
+    Taken in one update, so many other factors leave iSAM2's tree so deep that a covariance may never come.
+    """
     claims.ahead_m = ahead_m
     factors = graph.factors()
     for claim in _accepted(claims):
         assert claim.factor is not None
         a, b = claims.places(claim.candidate)
         graph.substitute(claim.factor, replace(_near(factors[claim.factor]), place_a=a, place_b=b))
+    graph.restart(graph.calibrations(), graph.poses())
 
 
 def _accepted(claims: WifiClaims) -> list[Claim]:
