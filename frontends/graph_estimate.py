@@ -1,5 +1,6 @@
 """The pose graph's estimate as last updated, cached: iSAM2 is read only for what has changed."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from wayfi.frontends.odometry.live_pose import ORIGIN_COVARIANCE
 from wayfi.frontends.timer import Timer
 
 CALIBRATION_EVERY = 20  # keyframes between two events: they are drawn alone, and the sigmas cost a marginal each
+SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on others, rarely three times in a row
 RECENT_KEYFRAMES = 3  # read after a keyframe without a closure: its factors hardly move those further back
 
 
@@ -74,12 +76,21 @@ class GraphEstimate:
         residual_m = self._step_residual_m()
         return [GraphUpdated(stamp_ns, number, poses, summary.added, summary.removed, summary.factors, residual_m)]
 
+    def settle(self, stamp_ns: int, review: Callable[[], list[Event]]) -> list[Event]:
+        """Let the graph settle at a drive's end, and `review` the closures by it, until that changes nothing more."""
+        events: list[Event] = []
+        for _ in range(SETTLING_REVIEWS):
+            events += self._settled(stamp_ns)
+            if not (reviewed := review()):
+                break
+            events += reviewed
+        return events + self._settled(stamp_ns)
+
     def solve_anew(self, stamp_ns: int) -> list[Event]:
         """Optimise the whole graph from the estimate, and read that."""
         if not self._graph.restarts:
             self._graph.restart(self._graph.calibrations(), self._graph.poses())
-        self._graph.settle()
-        return self.update(stamp_ns, moved=True)
+        return self._settled(stamp_ns)
 
     def observe(self, stamp_ns: int, variance_factor: float = 1.0, doubt: Health | None = None) -> list[Event]:
         """Read the newest pose's covariance; returns a change of health (see `judge`), now and then the calibration.
@@ -101,6 +112,10 @@ class GraphEstimate:
         changed = self._health is None or health.state is not self._health.state
         self._health = health
         return [StateChanged(stamp_ns, health.state, health.reason, health.failure_category)] if changed else []
+
+    def _settled(self, stamp_ns: int) -> list[Event]:
+        self._graph.settle()
+        return self.update(stamp_ns, moved=True)
 
     def _refresh_recent(self) -> None:
         n = len(self._keyframes)

@@ -10,6 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.axis_headings import AxisHeadings
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.fix_closer import FixCloser, OutsideFix
+from wayfi.frontends.closures.heard_ahead import learn_heard_ahead
 from wayfi.frontends.closures.lidar_closer import LidarCloser
 from wayfi.frontends.closures.verdicts import Verdicts
 from wayfi.frontends.closures.vetoes import Vetoes
@@ -39,7 +40,6 @@ from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
 ANYWHERE_M, ANYWHERE_RAD = 1e3, 10.0  # sigmas of the way from a map to the beginning of a drive, which is unknown
-SETTLING_REVIEWS = 3  # at the end: removing a closure may change the verdict on others, rarely three times in a row
 
 
 class SlamCore:
@@ -217,16 +217,16 @@ class SlamCore:
             return [grid_event(stamp_ns, self._grids.redraw(self.poses, self.keyframes.floors), self.keyframes.floor)]
 
     def _settle(self, stamp_ns: int) -> list[Event]:
-        """Use the last WiFi candidates, and review all closures `SETTLING_REVIEWS` times at most."""
+        """Use the last WiFi candidates, and what only the whole drive tells; review all closures after each."""
         events = self._close_by_wifi(self._wifi.released(at_end=True), stamp_ns, last=True)
-        for _ in range(SETTLING_REVIEWS):
-            self._graph.settle()
-            events += self._estimate.update(stamp_ns, moved=True)
-            if not (reviewed := self._review(last=True)):
-                break
-            events += reviewed
-        self._graph.settle()
-        return events + self._estimate.update(stamp_ns, moved=True)
+        events += self._settle_reviewed(stamp_ns)
+        claims = self._wifi_closer.claims
+        for learn in (self._axes.decide_again, self._axes.join_wings, lambda: learn_heard_ahead(self._graph, claims)):
+            events += self._settle_reviewed(stamp_ns) if learn() else []
+        return events
+
+    def _settle_reviewed(self, stamp_ns: int) -> list[Event]:
+        return self._estimate.settle(stamp_ns, lambda: self._review(last=True))
 
     def _check(self, candidate: WifiCandidate, stamp_ns: int) -> list[Event]:
         """Check a candidate by the laser if that saw both places; without a verdict, hold it for WiFi's own."""

@@ -46,10 +46,17 @@ class AxesChain:
         """The states of the factors that these keyframes have."""
         return {self._of_keyframe[k] for k in keyframes if k in self._of_keyframe}
 
+    def before(self, state: int) -> int | None:
+        """The state before it of the same wing, to which the robot may have come back; None for its first."""
+        earlier = range(state - 1, -1, -1)
+        return next((number for number in earlier if self._wings[number] == self._wings[state]), None)
+
     def begins(self, state: int, direction: float) -> gtsam.NonlinearFactor:
         """The walk from the state before, or the prior, around `direction` (rad), of the first of a wing."""
-        continues = state > 0 and self._wings[state - 1] == self._wings[state]
-        return axes_walk(state, self._config.walk_axes_rad) if continues else axes_prior(state, direction, _ANY_RAD)
+        before = self.before(state)
+        if before is None:
+            return axes_prior(state, direction, _ANY_RAD)
+        return axes_walk(before, state, self._config.walk_axes_rad)
 
 
 class AxesStates:
@@ -57,11 +64,11 @@ class AxesStates:
 
     def __init__(self, chain: AxesChain) -> None:
         self._chain = chain
-        self._present, self._newest = 0, 0.0
+        self._directions: list[float] = []
 
     def of(self, keyframes: Iterable[int]) -> list[int]:
         """The states that the solver has of those of these keyframes."""
-        return sorted(state for state in self._chain.states_of(keyframes) if state < self._present)
+        return sorted(state for state in self._chain.states_of(keyframes) if state < len(self._directions))
 
     def add(
         self,
@@ -72,9 +79,18 @@ class AxesStates:
     ) -> None:
         """Add the states that `factors` need anew, each near what the `heading` (rad) of a keyframe says."""
         for factor in factors:
-            while isinstance(factor, AxisFactor) and self._present <= self._chain.state(factor):
-                turn = wrap(heading(factor.b) - factor.turned - self._newest)
-                self._newest += turn  # of directions that are whole turns apart, the one near the state before
-                values.insert(axes_key(self._present), np.array([self._newest]))
-                graph.add(self._chain.begins(self._present, self._newest))
-                self._present += 1
+            while isinstance(factor, AxisFactor) and len(self._directions) <= self._chain.state(factor):
+                state = len(self._directions)
+                near = self._near(state)
+                # of directions that are whole turns apart, the one near the state before
+                direction = near + wrap(heading(factor.b) - factor.turned - near)
+                self._directions.append(direction)
+                values.insert(axes_key(state), np.array([direction]))
+                graph.add(self._chain.begins(state, direction))
+
+    def _near(self, state: int) -> float:
+        """The direction of the state before it, of the same wing if there is one."""
+        before = self._chain.before(state)
+        if before is None:
+            return self._directions[-1] if self._directions else 0.0
+        return self._directions[before]

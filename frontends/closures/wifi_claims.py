@@ -12,7 +12,7 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import Pairs
-from wayfi.frontends.wifi.fingerprints import WifiCandidate
+from wayfi.frontends.wifi.fingerprints import Fingerprint, WifiCandidate
 from wayfi.frontends.wifi.wifi_config import WifiConfig
 
 SHOWN = 40  # claims of a sequence, to bound an event: 20 m of path of one receiver
@@ -37,12 +37,13 @@ class Claim:
 
 
 class WifiClaims:
-    """The claims of a drive in the order they came."""
+    """The claims of a drive in the order they came. Each place is `ahead_m` ahead of where the robot was."""
 
     def __init__(self, config: ConsensusConfig, wifi: WifiConfig) -> None:
         self._config, self._wifi = config, wifi
         self._claims: list[Claim] = []
         self._sigma_scale = 1.0
+        self.ahead_m = 0.0
 
     def add(self, number: int, candidate: WifiCandidate) -> Claim:
         """Add the claim of a candidate, whose verdict has this number."""
@@ -99,15 +100,24 @@ class WifiClaims:
     def pairs(self, claims: list[Claim]) -> Pairs:
         """The pairs of places of the claims."""
         a, b = [claim.candidate.a for claim in claims], [claim.candidate.b for claim in claims]
+        places = np.array([self.places(claim.candidate) for claim in claims]).reshape(-1, 2, 2)
         return Pairs(
             np.array([f.keyframe for f in a]),
             np.array([f.keyframe for f in b]),
-            np.array([f.place for f in a]),
-            np.array([f.place for f in b]),
+            places[:, 0],
+            places[:, 1],
             self._sigma_scale * np.array([claim.candidate.sigma_m for claim in claims]),
             np.array([later.path_m - earlier.path_m for earlier, later in zip(a, b, strict=True)]),
             np.array([min(1.0, claim.gap_m / self._wifi.neighbouring_m) for claim in claims]),
         )
+
+    def places(self, candidate: WifiCandidate) -> tuple[Floats, Floats]:
+        """(2,) m each, the places of a candidate in the frames of their keyframes."""
+        return self._place(candidate.a), self._place(candidate.b)
+
+    def _place(self, f: Fingerprint) -> Floats:
+        theta = f.T_keyframe_base.theta
+        return f.place + self.ahead_m * np.array([math.cos(theta), math.sin(theta)])
 
     def sigma_m(self, candidate: WifiCandidate) -> float:
         """The sigma of a candidate alone, m along each axis."""

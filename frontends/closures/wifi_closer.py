@@ -195,7 +195,7 @@ class WifiCloser:
         pair, a, b = self.claims.pairs([claim]), claim.candidate.a, claim.candidate.b
         T_a_map = Pose2(0.0, 0.0, -poses[a.keyframe, 2])
         apart = T_a_map.transform(pair.apart(poses))[0]
-        covariance = self._graph.place_covariance(a.keyframe, b.keyframe, b.place)
+        covariance = self._graph.place_covariance(a.keyframe, b.keyframe, pair.place_b[0])
         covariance += pair.sigma_m[0] ** 2 * np.eye(2)
         if np.linalg.eigvalsh(covariance)[0] <= 0:
             return 0.0  # by rounding, where the estimate is very loose: it supports no claim
@@ -233,7 +233,8 @@ class WifiCloser:
     def _accept(self, claim: Claim, poses: Floats, reason: str) -> ClosureJudged:
         """Add its factor; the verdict states the claim anew, with the heading of `poses` between the keyframes."""
         a, b = claim.candidate.a, claim.candidate.b
-        factor = NearFactor(a.keyframe, b.keyframe, a.place, b.place, self.claims.factor_sigma_m(claim))
+        places = self.claims.places(claim.candidate)
+        factor = NearFactor(a.keyframe, b.keyframe, *places, self.claims.factor_sigma_m(claim))
         claim.factor = self._graph.add(factor)
         walls = self._walls(claim.candidate)
         claim.walls = self._graph.add(walls) if walls else None
@@ -276,13 +277,14 @@ class WifiCloser:
         The heading is that of walls that the laser saw, or of `poses` and then not claimed.
         """
         a, b = candidate.a, candidate.b
+        places = self.claims.places(candidate)
         if walls := self._walls(candidate):
             known = Expected(walls.T_a_b, walls.covariance)
-            updated, _ = update_by_place(known, a.place, b.place, self.claims.sigma_m(candidate))
+            updated, _ = update_by_place(known, *places, self.claims.sigma_m(candidate))
             return updated.T_a_b, updated.covariance
         heading = Pose2.of(poses[a.keyframe]).between(Pose2.of(poses[b.keyframe])).theta
         variance = self.claims.sigma_m(candidate) ** 2
-        return pose_of_common_place(a.place, b.place, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
+        return pose_of_common_place(*places, heading), np.diag([variance, variance, UNCLAIMED_RAD**2])
 
     def _enter(self, candidate: WifiCandidate, poses: Floats, proposed_by: str, refused: str) -> ClosureJudged:
         a, b = candidate.a, candidate.b

@@ -5,11 +5,11 @@ import pytest
 from graphs import PRIOR, WHEELS
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import AxisFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.axis_headings import AxisHeadings
+from wayfi.frontends.axis_headings import AxisHeadings, withdraw_axes
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 BIAS, STEP_M = 0.025, 0.5
@@ -75,3 +75,46 @@ def test_wings_are_numbered_on_from_those_of_a_map() -> None:
     own = {factor.wing for factor in graph.of_kind(AxisFactor) if factor.b > 0}
     assert own
     assert min(own) > 3
+
+
+def test_at_the_end_axes_that_were_withdrawn_are_found_again_for_all_of_the_drive() -> None:
+    graph = driven(AxesConfig(enabled=True), 160, slip_at=60)
+    withdraw_axes(graph)
+    graph.settle()
+    assert abs(graph.poses()[-1, 2]) > 1.0
+    axes = AxisHeadings(graph, PRIOR, AxesConfig(enabled=True))
+    assert axes.decide_again()
+    graph.settle()
+    assert np.quantile(np.abs(graph.poses()[:, 2]), 0.9) < 0.1, "but for the sample in which the wheels slipped"
+    assert min(factor.b for factor in graph.of_kind(AxisFactor)) < 20
+    assert not axes.decide_again(), "the same wheels tell the same axes"
+
+
+def test_at_the_end_nothing_is_decided_again_that_scans_tell_or_that_is_switched_off() -> None:
+    graph = driven(AxesConfig(enabled=True), 100)
+    withdraw_axes(graph)
+    assert not AxisHeadings(graph, PRIOR, AxesConfig(enabled=False)).decide_again()
+    graph.add(BetweenFactor(50, 51, Pose2(STEP_M, 0.0, 0.0), np.diag([1e-4, 1e-4, 1e-6])))
+    graph.settle()
+    assert not AxisHeadings(graph, PRIOR, AxesConfig(enabled=True)).decide_again()
+    assert graph.of_kind(AxisFactor) == []
+
+
+@pytest.mark.parametrize(("missed", "quarters"), [(0.08, 0), (-0.08, 1), (0.05, -1), (0.3, 0)])
+def test_at_the_end_a_wing_of_the_first_ones_direction_is_that_one(missed: float, quarters: int) -> None:
+    """There and back into a wing at 0.6 rad, by wheels that miss some of the turn back, and name another axis."""
+    graph, rad = PoseGraph(BackendConfig(), PRIOR), quarters * np.pi / 2
+    graph.add_keyframe(Pose2())
+    for k in range(150):
+        turn = {50: 0.6, 100: missed - 0.6}.get(k, 0.0)
+        motion = WheelMotion(Pose2(STEP_M, 0.0, turn), STEP_M, 1.0)
+        graph.add_keyframe(graph.pose(k) @ motion.pose)
+        graph.add(WheelFactor(k, k + 1, motion, WHEELS + np.diag([0.0, 0.0, 0.01 * (k == 100)])))
+    for k in range(4, 150, 4):
+        wing = 1 + (k > 50) + (k > 100)
+        graph.add(AxisFactor(k, wing, rad if wing == 3 else 0.0, 0.1))
+    graph.settle()
+    assert AxisHeadings(graph, PRIOR, AxesConfig()).join_wings() == (missed < 0.1)
+    graph.settle()
+    assert graph.poses()[-1, 2] == pytest.approx(0.0 if missed < 0.1 else missed, abs=0.03)
+    assert {f.wing for f in graph.of_kind(AxisFactor)} == ({1, 2} if missed < 0.1 else {1, 2, 3})

@@ -53,6 +53,18 @@ def test_a_wing_at_an_angle_has_a_direction_of_its_own() -> None:
     assert graph.poses()[-1, 2] == pytest.approx(0.6, abs=0.05)
 
 
+def test_a_wing_that_the_robot_comes_back_to_has_the_direction_it_had() -> None:
+    """The wheels miss 0.1 rad of the turn back, which only the first wing's direction tells."""
+    graph = corridor({STEPS // 3: 0.6, 2 * STEPS // 3: -0.5})
+    add_axes(graph, 4, STEPS // 3, wing=1)
+    add_axes(graph, STEPS // 3 + 4, 2 * STEPS // 3, wing=2)
+    add_axes(graph, 2 * STEPS // 3 + 4, STEPS, wing=1)
+    assert graph.poses()[-1, 2] == pytest.approx(0.0, abs=0.05)
+    graph.restart(graph.calibrations(), graph.poses())
+    graph.settle()
+    assert graph.poses()[-1, 2] == pytest.approx(0.0, abs=0.05)
+
+
 def test_a_quarter_turn_stays_one() -> None:
     graph = corridor({STEPS // 2: math.pi / 2 - 0.05})
     add_axes(graph, 4, STEPS // 2, wing=1)

@@ -140,6 +140,7 @@ def test_in_a_round_hall_wifi_wins_over_the_axes_that_there_are_none_of() -> Non
     assert run.worst_m() > 30.0
     close(run, closer(run), rounds(run))
     run.graph.settle()
+    assert not axes.decide_again(), "a known turn is no corridor"
     assert run.graph.of_kind(AxisFactor) == []
     assert run.worst_m() < 1.5
 
