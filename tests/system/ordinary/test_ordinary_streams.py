@@ -124,7 +124,7 @@ UNUSED = {
     "scans ahead": (of(LaserScan, set_by(100.0)), "/scan", r"stamps are \+99.\d s from .* synchronise the clocks"),
     "scans that are old": (of(LaserScan, set_by(-1e6)), "/scan", r"stamps are -1000000.\d s from .* too old"),
     "poses that are not finite": (
-        of(Odometry, lambda a: altered(a, pose=replace(a.measurement.pose, x=np.nan))),  # type: ignore[union-attr]
+        of(Odometry, lambda a: altered(a, pose=a.measurement.pose._replace(x=np.nan))),  # type: ignore[union-attr]
         "/odom",
         "NaN or infinite",
     ),
