@@ -1,11 +1,16 @@
 """Whether WiFi and wheels alone, without a laser, may claim a pose: a coarse one, good to some metres."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from wayfi.backend.graph.health import FailureCategory, Health, State
 from wayfi.frontends.localization.wifi.belief_config import CoarseClaimConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
+from wayfi.frontends.localization.wifi.off_ways import Away
 
+ON_WAYS = Away()
 NOTHING = Health(State.RELOCALISING, "neither laser nor WiFi tells where the robot is", FailureCategory.NO_SENSOR)
 
 
@@ -21,12 +26,17 @@ class CoarseClaim:
         self._config = config
         self._agrees_from_m: float | None = None
         self._doubted_from_m: float | None = None
+        self._off_m = 0.0
         self.claimed: PlaceBelief | None = None
         self.health = NOTHING
 
-    def judge(self, places: Sequence[PlaceBelief], path_m: float) -> None:
-        """Judge the `places`, the heaviest first, when the robot has driven `path_m`."""
-        best = places[0] if places else None
+    def judge(self, places: Sequence[PlaceBelief], path_m: float, away: Away = ON_WAYS) -> None:
+        """Judge the `places`, the heaviest first, when the robot has driven `path_m`.
+
+        Off the ways of the map, to be `away`, WiFi does not tell the place alone: it can be kept, not confirmed.
+        """
+        self._off_m = away.metres if self.claimed is None else away.unexplained_m
+        best = _widened(places[0], self._off_m) if places else None
         if self.claimed is None:
             self._confirm(best, sum(place.weight for place in places), path_m)
         else:
@@ -56,7 +66,7 @@ class CoarseClaim:
         self._doubted_from_m = path_m if self._doubted_from_m is None else self._doubted_from_m
         if path_m - self._doubted_from_m < config.path_m and best is not None:
             self.claimed = best
-            text = f"WiFi gives the place a chance of {best.weight:.2f}, to {best.sigma_m:.1f} m"
+            text = f"WiFi gives the place {self._chance(best)}"
             self.health = Health(State.UNCERTAIN, text, FailureCategory.WIFI_ELSEWHERE)
             return
         self.claimed = self._agrees_from_m = None
@@ -71,5 +81,13 @@ class CoarseClaim:
         if in_map < self._config.in_map:
             text = "WiFi hears little that is in this map"
             return Health(State.RELOCALISING, text, FailureCategory.NOT_IN_MAP)
-        text = f"WiFi gives its best place a chance of {best.weight:.2f}, to {best.sigma_m:.1f} m"
+        text = f"WiFi gives its best place {self._chance(best)}"
         return Health(State.RELOCALISING, text, FailureCategory.AMBIGUOUS)
+
+    def _chance(self, place: PlaceBelief) -> str:
+        text = f"a chance of {place.weight:.2f}, to {place.sigma_m:.1f} m"
+        return text if self._off_m < self._config.sigma_m else f"{text}: {self._off_m:.0f} m off the ways of the map"
+
+
+def _widened(place: PlaceBelief, sigma_m: float) -> PlaceBelief:
+    return replace(place, covariance=place.covariance + np.diag([sigma_m**2, sigma_m**2, 0.0]))

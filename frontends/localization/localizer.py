@@ -227,7 +227,7 @@ class Localizer:
             self.health = NOT_YET if self._coarse.claimed else self.health
             self._coarse, self._scanned_m = CoarseClaim(config), path_m
             return
-        self._coarse.judge(self._wifi.places, path_m)
+        self._coarse.judge(self._wifi.places, path_m, self._belief.away)
         if path_m - self._scanned_m >= config.path_m:
             self.health = self._coarse.health
 

@@ -10,6 +10,7 @@ from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
 from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, fit_scan
+from wayfi.frontends.localization.wifi.off_ways import Away, OffWays
 from wayfi.frontends.localization.wifi.particles import Cloud, Particles
 from wayfi.frontends.localization.wifi.radio_places import RadioPlaces, radio_places
 from wayfi.frontends.localization.wifi.receiver_offsets import ReceiverOffsets
@@ -41,6 +42,7 @@ class WifiBelief:
         self._config = config
         self._map = radio_places(building, config.likelihood)
         self._offsets = ReceiverOffsets(building.calibration.receivers, config.likelihood)
+        self._off_ways = OffWays(self._map, config.likelihood) if self._map else None
         self._particles = Particles(config.particles)
         self._step, self._covariance = Pose2(), np.zeros((3, 3))
         self._moved_m = np.inf  # of path since the evidence that was used
@@ -63,7 +65,7 @@ class WifiBelief:
 
     def add(self, receiver: str, readings: Readings) -> None:
         """Use a scan, or the mean of some, that `receiver` heard where the robot is now."""
-        if self._map is None or not readings.bssids:
+        if self._map is None or self._off_ways is None or not readings.bssids:
             return
         self._catch_up()
         config, offset = self._config, self._offsets.of(receiver)
@@ -73,6 +75,8 @@ class WifiBelief:
         self._sow(self._map, fit, evidence)
         self._weigh(self._map, fit, evidence)
         self._offsets.learn(receiver, *self._offset(self._map, fit))
+        for named in self.places(1):
+            self._off_ways.add(readings, named)
 
     def places(self, most: int) -> list[PlaceBelief]:
         """The `most` heaviest places, the heaviest first; their weights lack to 1 what is not in this map."""
@@ -84,6 +88,11 @@ class WifiBelief:
         """The poses that the robot may have, with their weights."""
         self._catch_up()
         return self._particles.cloud()
+
+    @property
+    def away(self) -> Away:
+        """How far from the ways of the map the robot is."""
+        return self._off_ways.away if self._off_ways else Away()
 
     def disagreement(self, T_map_base: Pose2, floor: int = 0) -> Disagreement:
         """By how many metres, and how surely, WiFi puts the robot elsewhere than at a pose."""

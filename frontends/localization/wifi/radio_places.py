@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.point_index import CellGrid, block_around, nearest, sort_by_cell
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
+from wayfi.frontends.localization.wifi.heard import Heard
+from wayfi.frontends.localization.wifi.level_spread import LevelSpread, learn_spread
 from wayfi.frontends.maps.building_map import BuildingMap, MapFingerprint
 from wayfi.frontends.wifi.postings import Postings
 
@@ -24,21 +25,12 @@ SMOOTHED = 2.0  # sigmas: fingerprints further away add less than a seventh
 STEP_DB = 8.0  # of the posting lists: two steps apart cover the offset of another phone
 
 
-class Heard(NamedTuple):
-    """Of row k: the access points `aps[starts[k]:starts[k + 1]]`, their `rssi` (dBm), and the `share` that heard it."""
-
-    starts: Longs
-    aps: Ints
-    rssi: Levels
-    share: Levels
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class RadioPlaces:
     """(n, 2) m `xy` in map and (n,) `floor` of each place, and what was `heard` there, less the receivers' offsets.
 
     Of each access point: its number by its BSSID, the `weight` (0 to 1) by which it counts, and the share of all places
-    where it was heard, `common`.
+    where it was heard, `common`. `spread` is that of readings about what was heard.
     """
 
     xy: Floats
@@ -47,6 +39,7 @@ class RadioPlaces:
     numbers: Mapping[str, int]
     weight: Floats
     common: Floats
+    spread: LevelSpread
     postings: Postings
     _sorted: Floats
     _order: Longs
@@ -76,13 +69,14 @@ def radio_places(building: BuildingMap, config: LikelihoodConfig) -> RadioPlaces
     places = np.column_stack([np.bincount(cell, at[:, axis]) for axis in (0, 1)]) / np.bincount(cell)[:, None]
     numbers: dict[str, int] = {}
     offsets = {receiver: known.offset_db for receiver, known in building.calibration.receivers.items()}
-    heard = _smoothed(places, at, _heard(fingerprints, offsets, numbers), len(numbers), config.smoothing_m)
+    fingerprinted = _heard(fingerprints, offsets, numbers)
+    heard = _smoothed(places, at, fingerprinted, len(numbers), config.smoothing_m)
     weight = np.array([building.weights.get(bssid, 1.0) for bssid in numbers])
     order, cells = sort_by_cell(places, REACH_M)
     return RadioPlaces(
         places - np.column_stack([floor[first] * FLOOR_M, np.zeros(len(first))]), floor[first], heard, numbers,
         np.minimum(weight / np.median(weight), 1.0), np.bincount(heard.aps, minlength=len(numbers)) / len(places),
-        _posted(heard), places[order], order, cells,
+        learn_spread(at, fingerprinted, config), _posted(heard), places[order], order, cells,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.localization.coarse_claim import CoarseClaim
 from wayfi.frontends.localization.wifi.belief_config import CoarseClaimConfig, WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
+from wayfi.frontends.localization.wifi.off_ways import Away
 from wayfi.frontends.localization.wifi_belief import WifiBelief
 from wayfi.frontends.maps.building_map import BuildingMap
 
@@ -63,6 +64,32 @@ def test_a_claim_becomes_uncertain_and_is_given_up_after_some_metres(unsure: Pla
     assert judged(*[SURE] * 5, unsure).health.state is State.UNCERTAIN
     assert judged(*[SURE] * 5, unsure, unsure, SURE).health.state is State.TRACKING
     assert judged(*[SURE] * 5, *[unsure] * 5).health.state is State.LOST
+
+
+OFF_WAYS = Away(by_levels_m=4.0, named_m=0.0)
+EXPLAINED = Away(by_levels_m=4.0, named_m=4.0)
+
+
+@pytest.mark.parametrize("away", [OFF_WAYS, EXPLAINED])
+def test_off_the_ways_of_the_map_no_place_is_confirmed(away: Away) -> None:
+    claim = CoarseClaim(CONFIG)
+    for k in range(20):
+        claim.judge([SURE], 0.5 * k, away)
+    assert claim.claimed is None
+
+
+def test_a_claim_is_kept_off_the_ways_while_levels_agree_and_doubted_as_they_do_not() -> None:
+    claim = judged(*[SURE] * 5)
+    claim.judge([SURE], 2.5, EXPLAINED)
+    assert claim.health.state is State.TRACKING
+    claim.judge([SURE], 3.0, OFF_WAYS)
+    assert claim.health.state is State.UNCERTAIN
+    assert claim.claimed is not None
+    assert claim.claimed.sigma_m > 4.0
+    assert "4 m off the ways of the map" in claim.health.reason
+    for k in range(4):
+        claim.judge([SURE], 3.5 + 0.5 * k, OFF_WAYS)
+    assert claim.health.state is State.LOST
 
 
 def test_a_claim_is_given_up_at_once_where_no_place_is_left() -> None:
