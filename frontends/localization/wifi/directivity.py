@@ -13,6 +13,7 @@ from wayfi.backend.pose2 import Floats
 HEADINGS = 6  # at which a scan is compared with a place; between them a cosine is interpolated to 0.13 of it
 LEAST_READINGS = 200  # by which a gain is known
 SURE = 5.0  # sigmas of a gain that is not chance: readings of one fingerprint err together
+LEAST_DB = 1.0  # of a gain that is of use: less moves a place by less than fading does
 ONE_PLACE_M = 1.0
 STRONG_DBM = -78.0  # of a weaker access point one hears but what fading has lifted, and loses what it reads less
 
@@ -57,7 +58,8 @@ def learn_gain(xy: Floats, heading: Floats, aps: NDArray[np.int32], rssi: Floats
     gain = np.linalg.solve(information, A.T @ y)
     variance = float(((y - A @ gain) ** 2).sum()) / free
     sigmas = np.sqrt(float(gain @ information @ gain) / variance)
-    return (float(gain[0]), float(gain[1])) if sigmas > SURE else NO_GAIN
+    known = sigmas > SURE and np.hypot(*gain) > LEAST_DB
+    return (float(gain[0]), float(gain[1])) if known else NO_GAIN
 
 
 def _numbered(place: NDArray[np.int64], aps: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from drives import RESULT_FILES, Simulated, ate_m, lines, run, write
 from faulty.faults import LASER_M, replay_refused
+from mcap.reader import make_reader
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,11 @@ def test_a_file_cut_before_anything_is_complete(whole: Path, tmp_path: Path, len
 
 def test_a_damaged_chunk_is_left_out(whole: Path, minute: Simulated, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
-    data[len(data) // 2] ^= 0xFF
+    with whole.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 2]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
     (tmp_path / "damaged.mcap").write_bytes(data)
     report = run(tmp_path / "damaged.mcap", tmp_path / "out")
     (warning,) = report["warnings"]
