@@ -14,7 +14,7 @@ class LikelihoodConfig:
     level_db: float = option(
         4.0, "dB", "sigma of RSSI at one place; 2.7 to 3.5 were measured, on another day and facing on"
     )
-    day_db: float = option(2.0, "dB", "by which RSSI at a place differs from day to day; 1.7 to 2.5 were measured")
+    day_db: float = option(2.0, "dB", "by which RSSI at a place differs from day to day; 1.9 to 2.6 were measured")
     gradient_db_per_m: float = option(
         1.0, "dB/m", "growth of that sigma away from the fingerprints; 10.6 dB were measured at 10 m"
     )

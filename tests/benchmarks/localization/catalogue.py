@@ -54,6 +54,7 @@ def _experiments() -> Iterator[Measurable]:
 def _real() -> Iterator[Measurable]:
     """Real recordings of which the second half comes by where the first was."""
     b14, intel = second_half("b14test1", Drive(REAL / "b14test1"), *LASER), Drive(REAL / "intel_wifi")
+    yield b14
     yield WholeHalf(f"{b14.name}, in one run", b14)
     yield second_half("intel_wifi", intel)
     yield WholeHalf("intel_wifi, second half, in one run", second_half("intel_wifi", intel))
