@@ -5,6 +5,7 @@ keyframe takes the place of the nearest earlier one. What the others measured st
 Fingerprints of earlier sessions give way to new ones of the same place, so that access points that are gone age out.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -54,6 +55,13 @@ def pruned(
     kept = _kept_keyframes(cleaned, first, config)
     fingerprints = [building.fingerprints[n] for n in _kept_fingerprints(cleaned, config.near_m)]
     return selected(replace(cleaned, fingerprints=fingerprints), kept, _left_factors(cleaned, kept), grid)
+
+
+def without_sessions(building: BuildingMap, left_out: Collection[int], grid: MapConfig) -> BuildingMap:
+    """The map without the keyframes of some of its sessions; what they measured of the others stays in the graph."""
+    kept = np.flatnonzero([keyframe.session not in left_out for keyframe in building.keyframes])
+    fingerprints = [f for f in building.fingerprints if building.keyframes[f.keyframe].session not in left_out]
+    return selected(replace(building, fingerprints=fingerprints), kept, _left_factors(building, kept), grid)
 
 
 def _kept_keyframes(building: BuildingMap, first: int, config: PruningConfig) -> NDArray[np.int64]:

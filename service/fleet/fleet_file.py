@@ -21,6 +21,7 @@ class Member:
     """A map of a robot's run; `T_common_map` is where its frame lies (x, y m, theta rad), None where `why` tells.
 
     `settled_in` is the version of the settled map that holds it once and for all, 0 while it is joined anew each time.
+    Its `sessions` in the common map are those from the first number to before the second, where they are known.
     """
 
     robot: str
@@ -30,6 +31,7 @@ class Member:
     T_common_map: tuple[float, float, float] | None
     why: str = ""
     settled_in: int = 0
+    sessions: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,8 @@ def _member(found: dict[str, object]) -> Member:
         if not all(map(math.isfinite, (x, y, theta))):
             raise ValueError(f"a place that is not finite: {place}")
         place = (x, y, theta)
+    first, end = map(int, found.get("sessions", (0, 0)))  # type: ignore[call-overload]
     return Member(
         str(found["robot"]), str(found["run"]), str(found["map_id"]), int(str(found["map_version"])), place,
-        str(found["why"]), int(str(found.get("settled_in", 0))),
+        str(found["why"]), int(str(found.get("settled_in", 0))), (first, end),
     )  # fmt: skip

@@ -53,8 +53,7 @@ def join_maps(directory: Path, config: Config) -> Fleet:
     if not maps:
         return Fleet()
     common = common_map(maps, config)
-    members = [part.member(common.places.get(part.name), common.left_out.get(part.name, "")) for part in parts]
-    fleet = Fleet((*settled.members, *members))
+    fleet = Fleet((*settled.members, *(part.member_of(common) for part in parts)))
     save_map(directory / MAP, common.building, config.map, name_of_map(directory / MAP) or MapName(uuid4().hex, 0))
     write_text(directory / MAP / FLEET, fleet.to_json())
     return fleet

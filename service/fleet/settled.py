@@ -2,7 +2,7 @@
 
 The settled map is pruned as one that a robot drives again, so that it grows with the area. What of a run has gone into
 it cannot be taken out again; therefore a run that may grow is joined to a copy, anew each time. Where the settled map
-is damaged, the common map, which holds all of it, takes its place.
+is damaged, the common map, which holds all of it, takes its place, without the runs that are joined to it again.
 """
 
 import shutil
@@ -14,6 +14,7 @@ from pathlib import Path
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.maps.aligning import moved
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.maps.pruning import without_sessions
 from wayfi.frontends.merging.common_map import common_map
 from wayfi.recordings.files.atomic_files import write_text
 from wayfi.recordings.files.map_folder import KEYFRAMES, MANIFEST, MapError, delete_map, files_of_a_map, locked
@@ -23,7 +24,7 @@ from wayfi.service.config import Config
 from wayfi.service.fleet.consistent_maps import load_consistent
 from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, Member, read_fleet
 from wayfi.service.fleet.parts import Part
-from wayfi.service.fleet.robot_folders import MAP, SET_ASIDE, SETTLED, mirrored
+from wayfi.service.fleet.robot_folders import MAP, SET_ASIDE, SETTLED, mirrored, robot_folder
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,22 +62,33 @@ def read_settled(directory: Path) -> Settled:
 def settled_anew(directory: Path, former: Fleet, config: Config) -> Settled:
     """Set a damaged settled map aside, in place of one that was set aside before; returns what takes its place.
 
-    That is the common map, whose members are `former`; nothing where it is damaged as well. Raises MapError or OSError
-    where that cannot be written.
+    That is the common map, whose members are `former`, without those runs of which there is a copy; nothing where it
+    is damaged as well. Raises MapError or OSError where that cannot be written.
     """
     folder, aside = directory / SETTLED, directory / SET_ASIDE
     shutil.rmtree(aside, ignore_errors=True)
     folder.rename(aside)
-    members = tuple(replace(member, settled_in=1) for member in former.members if member.T_common_map)
+    again = [member for member in former.members if _is_joined_again(directory, member)]
+    members = tuple(
+        replace(m, settled_in=1, sessions=(0, 0)) for m in former.members if m.T_common_map and m not in again
+    )
+    left_out = {session for member in again for session in range(*member.sessions)}
     try:
-        building = load_consistent(directory / MAP).building if members else None
+        common = load_consistent(directory / MAP).building if members else None
     except MapError:
-        building = None
-    if building is None:
+        common = None
+    if common is None:
         return Settled(None, ())
-    settled = Settled(building, members)
+    settled = Settled(without_sessions(common, left_out, config.map), members)
     _save(directory, settled, config)
     return settled
+
+
+def _is_joined_again(directory: Path, member: Member) -> bool:
+    """Whether it is known what of the common map is of a run, and there is a whole copy of the run's own map."""
+    first, end = member.sessions
+    known = not member.settled_in and first < end
+    return known and current(robot_folder(directory, member.robot, member.run), KEYFRAMES).exists()
 
 
 def settle(

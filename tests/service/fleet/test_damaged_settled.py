@@ -100,6 +100,21 @@ def test_the_common_map_takes_its_place_and_a_line_tells_it_once(
     assert (directory / SET_ASIDE).is_dir()
 
 
+def test_a_run_that_goes_on_is_joined_again_whole_and_counts_once(directory: Path, before: Places) -> None:
+    """Half of its keyframes were in the common map when that took the place of the settled one."""
+    damage(directory / SETTLED, "cut keyframes")
+    join_maps(directory, CONFIG)
+    settled = read_settled(directory)
+    assert {member.run for member in settled.members} == {"day0"}
+    assert settled.building is not None
+    assert {keyframe.session for keyframe in settled.building.keyframes} == {0}
+    save_map(robot_folder(directory, "robot", "day1"), map_of(HALL, around(3.0, 90.0), seed=3))
+    fleet = join_maps(directory, CONFIG)
+    assert [member.run for member in fleet.members] == ["day0", "day1"]
+    assert all(near(member, before) for member in fleet.members)
+    assert {k.session for k in load_map(directory / MAP).building.keyframes} <= {0, 1}
+
+
 def test_where_the_common_map_is_damaged_too_what_was_settled_is_fetched_again(
     directory: Path, before: Places, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,7 @@ from wayfi.service.fleet.fleet_file import FLEET, Fleet, FleetFileError, Member,
 
 FLEET_OF_TWO = Fleet(
     (
-        Member("robot1", "run", "1f", 3, (0.0, 0.0, 0.0)),
+        Member("robot1", "run", "1f", 3, (0.0, 0.0, 0.0), sessions=(2, 4)),
         Member("robot2", "run", "2f", 1, None, "the maps overlap too little"),
     )
 )
