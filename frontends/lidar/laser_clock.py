@@ -9,7 +9,7 @@ from collections import deque
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, wrap
+from wayfi.backend.pose2 import Floats, wrap_all
 from wayfi.frontends.lidar.laser_latency import Turn, latency_s, vertex
 from wayfi.frontends.lidar.lidar_config import LaserClockConfig
 from wayfi.frontends.measurements import SECOND_NS
@@ -26,6 +26,7 @@ class LaserClock:
         self._config = config
         steps = round(config.max_offset_s / config.step_s)
         self._offsets_s: Floats = config.step_s * np.arange(-steps, steps + 1, dtype=np.float64)
+        self._shifts_ns = np.array([round(offset_s * SECOND_NS) for offset_s in self._offsets_s.tolist()], np.int64)
         self._waiting: deque[tuple[int, int, float]] = deque()
         self._turns: deque[Turn] = deque(maxlen=config.latency.max_turns)
         self._compared = 0
@@ -68,15 +69,10 @@ class LaserClock:
 
     def _compare(self, from_ns: int, to_ns: int, turned_rad: float, path: DrivenPath) -> None:
         """Note what the wheels say of a turn at each offset; nothing where the path is not kept that far back."""
-        turns = []
-        for offset_s in self._offsets_s.tolist():
-            shift_ns = round(offset_s * SECOND_NS)
-            begin, end = path.at(from_ns + shift_ns), path.at(to_ns + shift_ns)
-            if begin is None or end is None:
-                return
-            turns.append(wrap(end.T_path_base.theta - begin.T_path_base.theta))
+        moments_ns = np.concatenate([from_ns + self._shifts_ns, to_ns + self._shifts_ns])
+        begins, ends = np.split(path.headings_at(moments_ns), 2)
         begin, end = path.at(from_ns), path.at(to_ns)
-        assert begin
-        assert end
-        self._turns.append(Turn(turned_rad, np.array(turns), end.path_m - begin.path_m))
+        if begin is None or end is None or np.isnan(begins + ends).any():
+            return
+        self._turns.append(Turn(turned_rad, wrap_all(ends - begins), end.path_m - begin.path_m))
         self._compared += 1

@@ -47,20 +47,18 @@ class PlaceField(NamedTuple):
 def building_steps(building: BuildingMap, config: MapSearchConfig, floor: int = 0) -> Iterator[PlaceField | None]:
     """Build the field of a floor of a map step by step, each step a few milliseconds; the last one yields it."""
     grid = building.grid_of(floor)
+    finite = np.asarray(np.isfinite(building.poses).all(axis=1))
     numbers = [
         k
         for k, keyframe in enumerate(building.keyframes)
-        if keyframe.scan is not None and keyframe.floor == floor and _finite(building, k)
+        if keyframe.scan is not None and keyframe.floor == floor and finite[k]
     ]
     places = building.poses[numbers, :2]
     origin, shape, cell_m = _extent(places, grid, config.cell_m)
     walls = np.zeros((shape[0] * PARTS, shape[1] * PARTS), np.bool_)
     for start in range(0, len(numbers), SLICE):
-        for k in numbers[start : start + SLICE]:
-            scan = building.keyframes[k].scan
-            assert scan is not None
-            points = Pose2.of(building.poses[k]).transform(scan.points)
-            _mark(walls, _still_there(points, grid), origin, cell_m / PARTS)
+        points = _placed(building, numbers[start : start + SLICE])
+        _mark(walls, _still_there(points, grid), origin, cell_m / PARTS)
         yield None
     fine, coarse = np.zeros(walls.shape, np.uint8), np.zeros(shape, np.uint8)
     for start in range(0, len(walls), BAND):
@@ -78,8 +76,11 @@ def building_steps(building: BuildingMap, config: MapSearchConfig, floor: int = 
     yield PlaceField(tuple(pooled), tuple(open_levels), fine, origin, cell_m)
 
 
-def _finite(building: BuildingMap, keyframe: int) -> bool:
-    return bool(np.isfinite(building.poses[keyframe]).all())
+def _placed(building: BuildingMap, keyframes: list[int]) -> Floats:
+    """(n, 2) m, the points of keyframes' scans in `map`."""
+    scans = [building.keyframes[k].scan for k in keyframes]
+    placed = zip(building.poses[keyframes].tolist(), scans, strict=True)
+    return np.concatenate([Pose2.of(pose).transform(scan.points) for pose, scan in placed if scan])
 
 
 def _extent(places: Floats, grid: OccupancyGrid, cell_m: float) -> tuple[Floats, tuple[int, int], float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelMotion
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2, wrap, wrap_all
 from wayfi.frontends.measurements import NANOSECOND_S, SECOND_NS
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
@@ -186,15 +186,31 @@ class DrivenPath:
         """(n,) m of the path driven up to each of the moments (n,); NaN where they lie outside of what is kept."""
         if not self._points:
             return np.full(len(stamps_ns), np.nan)
-        stamps, _, lengths_m, _ = zip(*self._points, strict=True)
-        known_ns, path_m = np.array(stamps, np.int64), np.array(lengths_m)
+        inside, before, after, fraction = self._around(stamps_ns)
+        path_m = np.array([point.path_m for point in self._points])
+        return np.where(inside, path_m[before] + fraction * (path_m[after] - path_m[before]), np.nan)
+
+    def headings_at(self, stamps_ns: NDArray[np.int64]) -> Floats:
+        """(n,) rad, the headings of `at` at each of the moments (n,), to the last bit; NaN where `at` has none."""
+        if not self._points:
+            return np.full(len(stamps_ns), np.nan)
+        inside, before, after, fraction = self._around(stamps_ns)
+        headings = np.array([point.T_path_base.theta for point in self._points])
+        between = wrap_all(headings[before] + fraction * wrap_all(headings[after] - headings[before]))
+        return np.where(inside, np.where(fraction == 1.0, headings[after], between), np.nan)
+
+    def _around(
+        self, stamps_ns: NDArray[np.int64]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64], Floats]:
+        """Whether moments (n,) are in what is kept; the points before and after each, and its fraction of their way."""
+        known_ns = np.array([point.stamp_ns for point in self._points], np.int64)
         after = np.searchsorted(known_ns, stamps_ns)
         inside = (after < len(known_ns)) & (stamps_ns >= known_ns[0])
         after = np.where(inside, after, 0)
         before = np.maximum(after - 1, 0)
-        fraction = (stamps_ns - known_ns[before]) / np.maximum(known_ns[after] - known_ns[before], 1)
-        lengths: Floats = np.where(inside, path_m[before] + fraction * (path_m[after] - path_m[before]), np.nan)
-        return lengths
+        apart_ns = known_ns[after] - known_ns[before]
+        fraction = np.where(apart_ns > 0, (stamps_ns - known_ns[before]) / np.maximum(apart_ns, 1), 1.0)
+        return inside, before, after, fraction
 
     def _leaps(self, step: Pose2, T_odom_base: Pose2, seconds: float) -> bool:
         """Whether a step is further than a robot drives or turns, or leads to the very origin."""

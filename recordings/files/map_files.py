@@ -13,6 +13,7 @@ from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.events import GridRedrawn
 from wayfi.recordings.files.atomic_files import write_bytes, write_text
+from wayfi.recordings.files.map_picture import map_png
 
 GRID_FILES = ("map.pgm", "map.yaml")
 OCCUPIED, FREE = 0, 254
@@ -33,8 +34,6 @@ def write_map(
     """Write the grid of a floor, and a picture with the path `path_xy_m` (n, 2) m, into `directory`. Raises OSError."""
     for name, data in grid_files(grid, config, floor).items():
         write_bytes(directory / name, data)
-    from wayfi.recordings.files.map_picture import map_png  # imports matplotlib, which only the end of a drive needs
-
     write_bytes(directory / of_floor("map.png", floor), map_png(grid, path_xy_m))
 
 

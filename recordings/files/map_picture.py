@@ -2,27 +2,47 @@
 
 import io
 import math
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
-from PIL import Image
+from numpy.typing import NDArray
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from wayfi.backend.grid.occupancy_grid import OccupancyGrid
 from wayfi.backend.pose2 import Floats
 
 _INK = "#17202b"
-_SHADES = [(0, "#ffffff"), (0.25, "#ffffff"), (0.5, "#dfe3e8"), (0.65, "#59636f"), (0.8, _INK), (1, _INK)]
-_GREYS = LinearSegmentedColormap.from_list("occupancy", _SHADES)
-_PATH = "#2f7ed8"
-_LONG_SIDE_PX, _SHORT_SIDE_PX, _DPI = 2200, 400, 100
+_SHADES = {0.0: "#ffffff", 0.25: "#ffffff", 0.5: "#dfe3e8", 0.65: "#59636f", 0.8: _INK, 1.0: _INK}  # by probability
+_GREYS = np.column_stack(
+    [
+        np.interp(np.linspace(0.0, 1.0, 256), list(_SHADES), channel).round().astype(np.uint8)
+        for channel in zip(*map(ImageColor.getrgb, _SHADES.values()), strict=True)
+    ]
+)
+_PATH, _PATH_OPACITY, _PATH_PX = "#2f7ed8", 0.8, 1.4
+_LONG_SIDE_PX, _SHORT_SIDE_PX = 2200, 400
 _PADDING, _SCALE_BAR_SPACE = 0.015, 0.035  # of the longer side
+_SCALE_BAR_PX, _FONT_PX, _BOX = 6, 17, (255, 255, 255, 178)
 _MIN_KNOWN_CELLS = 10  # in a row or column at the edge
 _OCCUPIED = 0.6  # a cell over it darkens all of its pixel
+_STEPS_PER_PX = 4  # along the path
 
 _Extent = tuple[float, float, float, float]
+_Pixels = NDArray[np.uint8]
+
+
+class _Frame(NamedTuple):
+    """Where a picture lies in `map`: its upper left corner (m), its size in pixels and how wide those are."""
+
+    left_m: float
+    top_m: float
+    columns: int
+    rows: int
+    pixel_m: float
+
+    def pixels(self, xy_m: Floats) -> Floats:
+        """(n, 2) columns and rows of positions (n, 2) m; a pixel's middle is at a half."""
+        return (xy_m - (self.left_m, self.top_m)) / (self.pixel_m, -self.pixel_m)
 
 
 def map_png(grid: OccupancyGrid, path_xy_m: Floats | None = None) -> bytes:
@@ -36,20 +56,14 @@ def map_png(grid: OccupancyGrid, path_xy_m: Floats | None = None) -> bytes:
     longer = max(shown[1] - shown[0], shown[3] - shown[2]) / grid.resolution_m
     cells, pixels = max(1, math.ceil(longer / _LONG_SIDE_PX)), math.ceil(_LONG_SIDE_PX / 2 / longer)
     probability, extent = _merged(probability, extent, cells)
-    figure, axes = _figure(shown, extent, grid.resolution_m * cells / pixels)
-    axes.imshow(probability, cmap=_GREYS, vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest")
+    frame = _frame(shown, extent, grid.resolution_m * cells / pixels)
+    picture = _drawn(probability, extent, pixels, frame)
     if path_xy_m is not None:
-        axes.plot(*path_xy_m.T, color=_PATH, linewidth=1.0, alpha=0.8, scalex=False, scaley=False)
-    _draw_scale_bar(axes)
-    return _png(figure)
-
-
-def _png(figure: Figure) -> bytes:
-    """The figure as a PNG without alpha channel."""
-    raw, packed = io.BytesIO(), io.BytesIO()
-    figure.savefig(raw, format="rgba")
-    size = FigureCanvasAgg(figure).get_width_height()
-    Image.frombytes("RGBA", size, raw.getvalue()).convert("RGB").save(packed, "PNG", optimize=True)
+        _draw_path(picture, frame.pixels(path_xy_m))
+    image = Image.fromarray(picture)
+    _draw_scale_bar(image, frame.pixel_m)
+    packed = io.BytesIO()
+    image.save(packed, "PNG")
     return packed.getvalue()
 
 
@@ -70,6 +84,8 @@ def _cropped(grid: OccupancyGrid) -> tuple[Floats, _Extent]:
 
 def _merged(probability: Floats, extent: _Extent, cells: int) -> tuple[Floats, _Extent]:
     """Blocks of `cells` x `cells` merged into one value each; the extent grows by less than a block."""
+    if cells == 1:
+        return probability, extent
     rows, columns = (-(-size // cells) for size in probability.shape)
     full = np.full((rows * cells, columns * cells), 0.5)
     full[: probability.shape[0], : probability.shape[1]] = probability
@@ -92,29 +108,57 @@ def _shown(extent: _Extent, path_xy_m: Floats | None) -> _Extent:
     return left - padding, right + padding, bottom - padding - _SCALE_BAR_SPACE * longer, top + padding
 
 
-def _figure(shown: _Extent, extent: _Extent, pixel_m: float) -> tuple[Figure, Axes]:
-    """An empty figure of the extent `shown`; pixels are `pixel_m` wide and aligned to the lower left of `extent`."""
+def _frame(shown: _Extent, extent: _Extent, pixel_m: float) -> _Frame:
+    """The frame of a picture of the extent `shown`; pixels are aligned to the upper left of `extent`."""
     left, right, bottom, top = shown
-    width, height = (max(math.ceil(side / pixel_m), _SHORT_SIDE_PX) for side in (right - left, top - bottom))
-    left, bottom = (left + right - width * pixel_m) / 2, (bottom + top - height * pixel_m) / 2
-    left, bottom = (at - math.remainder(at - edge, pixel_m) for at, edge in ((left, extent[0]), (bottom, extent[2])))
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_GREYS(0.5))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set_axis_off()
-    axes.set(xlim=(left, left + width * pixel_m), ylim=(bottom, bottom + height * pixel_m), autoscale_on=False)
-    return figure, axes
+    columns, rows = (max(math.ceil(side / pixel_m), _SHORT_SIDE_PX) for side in (right - left, top - bottom))
+    left, top = (left + right - columns * pixel_m) / 2, (bottom + top + rows * pixel_m) / 2
+    left, top = (at - math.remainder(at - edge, pixel_m) for at, edge in ((left, extent[0]), (top, extent[3])))
+    return _Frame(left, top, columns, rows, pixel_m)
 
 
-def _draw_scale_bar(axes: Axes) -> None:
+def _drawn(probability: Floats, extent: _Extent, pixels: int, frame: _Frame) -> _Pixels:
+    """(rows, columns, 3) the cells, `pixels` x `pixels` each, on what is unknown."""
+    shades = np.full((frame.rows, frame.columns), 128, np.uint8)
+    cells = np.minimum(probability[::-1] * 256, 255).astype(np.uint8).repeat(pixels, axis=0).repeat(pixels, axis=1)
+    column, row = frame.pixels(np.array([[extent[0], extent[3]]]))[0].round().astype(int)
+    shades[row : row + cells.shape[0], column : column + cells.shape[1]] = cells
+    return _GREYS[shades]
+
+
+def _draw_path(picture: _Pixels, points: Floats) -> None:
+    """Draw the line through `points` (n, 2) columns and rows."""
+    drawn = _covered(picture.shape[:2], points)
+    at = np.nonzero(drawn)
+    opacity = _PATH_OPACITY * drawn[at][:, None]
+    picture[at] = np.rint((1 - opacity) * picture[at] + opacity * ImageColor.getrgb(_PATH))
+
+
+def _covered(shape: tuple[int, int], points: Floats) -> Floats:
+    """(rows, columns) how much of each pixel a line through `points` (n, 2) covers, from 0 to 1."""
+    covered = np.zeros(shape)
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))[: len(points)]
+    steps = np.arange(0.0, along[-1] if len(along) else 0.0, 1 / _STEPS_PER_PX)
+    line = np.column_stack([np.interp(steps, along, axis) for axis in points.T]) if len(steps) else points
+    around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
+    pixels = np.floor(line).astype(int)[:, None] + around
+    distance = np.hypot(*np.moveaxis(pixels + 0.5 - line[:, None], -1, 0))
+    np.maximum.at(covered, (pixels[..., 1], pixels[..., 0]), np.clip(_PATH_PX / 2 + 0.5 - distance, 0.0, 1.0))
+    return covered
+
+
+def _draw_scale_bar(image: Image.Image, pixel_m: float) -> None:
     """A bar of 1, 2 or 5 x 10^k m, at most a fifth of the longer side, in the lower left corner."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    longer = max(right - left, top - bottom)
-    length = _round_length(min(longer / 5, (right - left) / 2))
-    x, y = left + 0.015 * longer, bottom + 0.015 * longer
-    axes.plot([x, x + length], [y, y], color=_INK, linewidth=4, solid_capstyle="butt")
-    box = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.5}
-    place = x + length / 2, y + 0.008 * longer
-    axes.text(*place, f"{length:g} m", ha="center", va="bottom", color=_INK, fontsize=12, bbox=box)
+    longer = max(image.size)
+    length_m = _round_length(pixel_m * min(longer / 5, image.width / 2))
+    left, right, bottom = 0.015 * longer, 0.015 * longer + length_m / pixel_m, image.height - 0.015 * longer
+    draw = ImageDraw.Draw(image, "RGBA")
+    draw.rectangle((left, bottom - _SCALE_BAR_PX / 2, right, bottom + _SCALE_BAR_PX / 2 - 1), fill=_INK)
+    place, words = ((left + right) / 2, bottom - 0.008 * longer), f"{length_m:g} m"
+    font = ImageFont.load_default(_FONT_PX)
+    box = draw.textbbox(place, words, font, anchor="mb")
+    draw.rectangle((box[0] - 2, box[1] - 2, box[2] + 2, box[3] + 2), fill=_BOX)
+    draw.text(place, words, _INK, font, anchor="mb")
 
 
 def _round_length(longest_m: float) -> float:

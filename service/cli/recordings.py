@@ -45,7 +45,7 @@ def replay(
     calibration: CalibrationFile = None,
 ) -> None:
     """Run a recording through the pipeline: trajectory, map, closures and a scrubbable .rrd."""
-    from wayfi.service.cli.summaries import print_replay
+    from wayfi.service.cli.run_reports import print_replay
     from wayfi.service.replay.replay import ReplayOptions, replay, settings_for
 
     options = ReplayOptions(out, playback_rate(rate), not no_rrd, known_map)
@@ -67,7 +67,7 @@ def localize(
     calibration: CalibrationFile = None,
 ) -> None:
     """Localise a recording in a saved map, with no initial pose: only poses that are claimed, and the states."""
-    from wayfi.service.cli.summaries import print_localization
+    from wayfi.service.cli.run_reports import print_localization
     from wayfi.service.replay.localize import localize
     from wayfi.service.replay.replay import ReplayOptions, settings_for
 

@@ -99,7 +99,7 @@ class Estimator:
             found = recover(start.folder, start.config, start.calibration, self._log, known)
             return found.live, Ready(found.live.checkpoints, found.replayed, found.whole, found.live.drive.mode)
         with watch_compilation(self._report_compiling):
-            warm_up()
+            warm_up(in_map=known is not None)
         live = LiveDrive(start.config, start.calibration, self._log, known)
         return live, Ready(0, 0, True, live.drive.mode)
 

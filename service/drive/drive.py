@@ -25,7 +25,7 @@ class Drive:
     """Decodes and processes messages in their order; no content of a message makes it raise.
 
     It makes a map; in one that is `known` it localises, or it `extends` that. `makes_map` says whether it has a map of
-    its own to save, and `former` is the name that this had before.
+    its own to save, and `former` is the name that this had before; `begins_in_map`, whether one was known.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Drive:
         extends: bool = False,
     ) -> None:
         self.config = config
-        self.makes_map = known is None or extends
+        self.makes_map, self.begins_in_map = known is None or extends, known is not None
         self.former: MapName | None = None
         self.topics = config.recording.topics
         self.counters = Counters(self.topics)

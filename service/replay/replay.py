@@ -129,7 +129,7 @@ def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progr
     """Play all of the recording; returns the result. The log is closed whatever happens: it holds what led there."""
     try:
         with StopSignal() as stop:  # an interrupt within compiled code would look like its failure
-            warm_up()  # else the first tenth of the drive would pay for what is loaded once
+            warm_up(replayer.drive.begins_in_map)  # else the first tenth of the drive would pay for what is loaded once
             with loaded_objects_left_alone():
                 _play_all(recording, replayer, playback, progress, stop)
         return replayer.drive.finish()

@@ -170,3 +170,17 @@ def test_lengths_of_many_moments_are_those_of_each() -> None:
     expected = [point.path_m if point else math.nan for point in points]
     assert 0 < np.isnan(expected).sum() < len(expected) / 2
     np.testing.assert_array_equal(path.lengths_at(stamps_ns), expected)
+
+
+def test_headings_of_many_moments_are_those_of_each_to_the_last_bit() -> None:
+    path, rng = DrivenPath(CONFIG), np.random.default_rng(0)
+    theta = 0.7
+    for k in range(50):
+        theta += rng.normal(0.0, 0.4)
+        path.advance(1_000 + 100_000_007 * k, Pose2(0.01 * k, 0.0, wrap(theta)))
+    stamps_ns = np.concatenate([np.arange(0, 5_200_000_000, 33_333_333), 1_000 + 100_000_007 * np.arange(50)])
+    points = [path.at(int(stamp_ns)) for stamp_ns in stamps_ns]
+    expected = [point.T_path_base.theta if point else math.nan for point in points]
+    assert 0 < np.isnan(expected).sum() < len(expected) / 2
+    np.testing.assert_array_equal(path.headings_at(stamps_ns), expected)
+    assert np.isnan(DrivenPath(CONFIG).headings_at(stamps_ns)).all()

@@ -86,6 +86,23 @@ def test_a_cell_is_a_whole_number_of_pixels_of_one_colour(side: int, cells: int,
     assert len(np.unique(wall, axis=0)) == 1
 
 
+def test_the_path_is_drawn_where_it_was_driven_and_the_scale_bar_is_as_long_as_it_says() -> None:
+    cells, cell_m = 1300, 0.05  # 65 m: the bar is of 10 m, and a cell is a pixel
+    drawn = OccupancyGrid(np.full((cells, cells), -5, np.int8), cell_m, (0.0, 0.0))
+    corner = np.array([[0.5, 2.5], [0.5, 40.5], [30.5, 40.5]]) * cell_m + [10.0, 20.0]
+    picture = pixels_of(map_png(drawn, corner)).astype(int)
+    rows, columns = np.nonzero((picture == 255).all(axis=2))
+    left, lowest = columns.min(), rows.max()
+    blue = picture[:, :, 2] - picture[:, :, 0] > 100
+    rows, columns = np.nonzero(blue)
+    assert (np.ptp(rows), np.ptp(columns)) == (38, 30)
+    assert (columns.min() - left, lowest - rows.max()) == (200, 402)
+    line = picture[rows.max() - 10, columns.min()]
+    np.testing.assert_allclose(line, 0.8 * np.array([0x2F, 0x7E, 0xD8]) + 0.2 * 255, atol=2)
+    ink = (picture == [0x17, 0x20, 0x2B]).all(axis=2)
+    assert ink.sum(axis=1).max() == pytest.approx(10.0 / cell_m, abs=1)
+
+
 def test_single_rays_through_a_window_do_not_shrink_the_picture() -> None:
     evidence = np.zeros((400, 400), np.int8)
     evidence[:100, :100] = -5

@@ -32,6 +32,21 @@ def test_it_is_done_once_in_a_process() -> None:
     assert warm_up.cache_info().hits > 0
 
 
+def test_a_drive_that_begins_in_a_map_finds_the_code_of_its_search_loaded() -> None:
+    code = """
+from wayfi.frontends.localization import branch_and_bound, place_field, refining
+from wayfi.service.drive.warm_up import warm_up
+warm_up(in_map=True)
+functions = [f for module in (branch_and_bound, place_field, refining) for f in vars(module).values()]
+searched = {f.py_func.__name__: len(f.signatures) for f in functions if hasattr(f, "py_func")}
+import json; print(json.dumps(searched))
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=500, check=True)
+    loaded = json.loads(run.stdout.splitlines()[-1])
+    for name in ("_is_near_wall", "_mark", "_blur", "_pooled", "_mark_free", "cells_at", "advance"):
+        assert loaded[name] == 1, name
+
+
 @pytest.mark.slow
 def test_a_new_installation_compiles_once_says_so_and_leaves_nothing_for_a_drive(
     minute: Simulated, tmp_path: Path

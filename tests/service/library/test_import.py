@@ -29,6 +29,11 @@ def test_a_drive_loads_no_network_viewer_or_plots() -> None:
     assert not loaded_by("import wayfi\nwayfi.Slam().add_odometry(10**18, 0, 0, 0)") & NOT_FOR_A_DRIVE
 
 
+def test_a_replay_loads_no_network_plots_or_scores() -> None:
+    modules = loaded_by("import wayfi.service.cli.run_reports, wayfi.service.replay.replay")
+    assert not modules & {"zenoh", "rerun", "matplotlib", "scipy.spatial", "wayfi.service.evaluation.evaluate"}
+
+
 def test_the_import_is_quick() -> None:
     code = "import time; start = time.perf_counter(); import wayfi; print(time.perf_counter() - start)"
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(3)]
