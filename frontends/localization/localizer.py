@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayfi.backend.graph.health import FailureCategory, Health, State
-from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance, wrap
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.claims import judge_claim, why_not_confirmed
 from wayfi.frontends.localization.cluster import Cluster, cluster_of, is_twin, score
@@ -182,10 +182,26 @@ class Localizer:
                     return
         back = track.back(config.reach_m)
         T = proposed.T_map_base @ track.between(proposed.keyframe, back)
-        # its way up to there is taken to have fitted as well as that of any other
-        before = [e for h in self._hypotheses if (e := h.evidence_at(back)) is not None]
         covariance = diagonal_covariance(config.sigma_m, config.sigma_rad)
-        self._hypotheses.append(Hypothesis(T, covariance, back, max(before, default=0.0), proposed.floor))
+        evidence = self._evidence_before(back, T, proposed.floor)
+        self._hypotheses.append(Hypothesis(T, covariance, back, evidence, proposed.floor))
+
+    def _evidence_before(self, keyframe: int, T_map_base: Pose2, floor: int) -> float:
+        """What a newcomer at a pose has of evidence up to an earlier keyframe: that of the nearest on its way.
+
+        Where none is near, its way is taken to have fitted as well as that of any other.
+        """
+        claim, near, all_known = self._config.claim, [], []
+        for h in self._hypotheses:
+            evidence = h.evidence_at(keyframe)
+            if evidence is None:
+                continue
+            all_known.append(evidence)
+            there = h.T_map_base @ self._track.between(h.keyframe, keyframe)
+            apart_m, turned = there.distance(T_map_base), abs(wrap(there.theta - T_map_base.theta))
+            if h.floor == floor and turned < claim.cluster_rad and apart_m < claim.cluster_m:
+                near.append((apart_m, evidence))
+        return min(near)[1] if near else max(all_known, default=0.0)
 
     def _drop(self) -> None:
         """Drop the hypotheses that the laser contradicts, that are far worse than the best, or another one by now."""
