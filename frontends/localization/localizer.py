@@ -94,9 +94,9 @@ class Localizer:
             text = "the scans do not fit those before, nor the map here: the robot was moved"
             self._give_up(Health(State.LOST, text, FailureCategory.ROBOT_MOVED))
 
-    def add_wifi(self, receiver: str, readings: Readings, T_base_then: Pose2) -> None:
-        """Use a WiFi scan that was taken at `T_base_then`, seen from the newest keyframe."""
-        self._belief.add(receiver, readings, T_base_then)
+    def add_wifi(self, receiver: str, readings: Readings) -> None:
+        """Use a WiFi scan."""
+        self._belief.add(receiver, readings)
         self._wifi = WifiSupport(self._belief.places(WIFI_PLACES), self._belief.cloud())
         if self.claimed is None:
             return

@@ -1,13 +1,12 @@
 """Where WiFi and wheels put the robot in a known map, or that it is not in it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, compose_all
+from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
 from wayfi.frontends.localization.wifi.directivity import NO_GAIN
@@ -22,7 +21,6 @@ from wayfi.frontends.wifi.readings import Readings
 
 __all__ = ["Disagreement", "PlaceBelief", "WifiBelief"]
 
-HERE = Pose2()
 FOUND = 0.5  # of the weight within some metres of the map's ways: with less a receiver's offset is not learnt
 SURE_APART = 2.0  # sigmas of a place beyond which a pose is elsewhere
 
@@ -66,8 +64,8 @@ class WifiBelief:
         """The robot may have taken an elevator to any of these floors."""
         self._particles.spread_over(floors)
 
-    def add(self, receiver: str, readings: Readings, T_base_then: Pose2 = HERE) -> None:
-        """Use a scan, or the mean of some, that `receiver` heard when the robot was at `T_base_then`, seen from now."""
+    def add(self, receiver: str, readings: Readings) -> None:
+        """Use a scan, or the mean of some, that `receiver` heard where the robot is now."""
         if self._map is None or self._off_ways is None or not readings.bssids:
             return
         self._catch_up()
@@ -76,12 +74,12 @@ class WifiBelief:
         fit = fit_scan(self._map, readings, offset.offset_db, offset.sigma_db, config.likelihood, gain)
         evidence = self._evidence(fit.known)
         self._particles.draw(config.particles - config.seeds, config.roughening_m, config.roughening_rad)
-        self._sow(self._map, fit, evidence, T_base_then)
-        where = _Where.of(self._particles, T_base_then, self._map, fit)
+        self._sow(self._map, fit, evidence)
+        where = _Where.of(self._particles, self._map, fit)
         self._weigh(fit, where, evidence)
         self._offsets.learn(receiver, *self._offset(fit, where))
         for named in self.places(1):
-            self._off_ways.add(readings, replace(named, T_map_base=named.T_map_base @ T_base_then), gain)
+            self._off_ways.add(readings, named, gain)
 
     def places(self, most: int) -> list[PlaceBelief]:
         """The `most` heaviest places, the heaviest first; their weights lack to 1 what is not in this map."""
@@ -123,7 +121,7 @@ class WifiBelief:
         self._moved_m = 0.0
         return max(new, config.standing) / (config.siblings + known / config.independent_aps)
 
-    def _sow(self, places: RadioPlaces, fit: ScanFit, evidence: float, T_base_then: Pose2) -> None:
+    def _sow(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
         """Begin some particles anew where the scan fits, before it is weighed.
 
         The seeds are drawn by their likelihood, and weigh what they would if all poses had been drawn evenly.
@@ -137,7 +135,7 @@ class WifiBelief:
             return
         self._sown += count
         p.leave(config.outside)
-        p.sow(compose_all(drawn.poses, T_base_then.inverse().array()), drawn.floor, drawn.weights, share)
+        p.sow(drawn.poses, drawn.floor, drawn.weights, share)
 
     def _weigh(self, fit: ScanFit, where: "_Where", evidence: float) -> None:
         p = self._particles
@@ -170,8 +168,8 @@ class _Where(NamedTuple):
     heading: Floats
 
     @staticmethod
-    def of(particles: Particles, T_base_then: Pose2, places: RadioPlaces, fit: ScanFit) -> "_Where":
-        poses = compose_all(particles.poses, T_base_then.array())
+    def of(particles: Particles, places: RadioPlaces, fit: ScanFit) -> "_Where":
+        poses = particles.poses
         nearest, distance_m = places.nearest(poses[:, :2], particles.floor)
         rows = np.full(len(places), -1, np.int64)
         rows[fit.places] = np.arange(len(fit.places))

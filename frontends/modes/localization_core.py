@@ -130,8 +130,7 @@ class LocalizationCore:
         with self._timer("wifi"):
             self._elevators.hear(scan.receiver, scan.point.path_m, scan.readings)
             self._heed_elevators()
-            T_base_then = self._track.motion_to(scan.point).pose if len(self._track) else Pose2()
-            self._localizer.add_wifi(scan.receiver, scan.readings, T_base_then)
+            self._localizer.add_wifi(scan.receiver, scan.readings)
         return self._changes(stamp_ns)
 
     def go_on(self, stamp_ns: int) -> list[Event]:

@@ -75,14 +75,3 @@ def test_who_comes_the_other_way_is_not_taken_to_be_further_on() -> None:
         ahead_m.append(Pose2.of(driven[-1]).between(belief.places(1)[0].T_map_base).x)
 
     assert abs(np.mean(ahead_m)) < 1.1  # 2.6 for a receiver that is taken to hear alike all around
-
-
-def test_a_scan_that_was_taken_further_back_tells_where_the_robot_is_now() -> None:
-    heard, back = radio(), Pose2(-3.0, 0.0, 0.0)
-    building, chance = radio_map(heard, WAY), np.random.default_rng(4)
-    belief = WifiBelief(building, WifiBeliefConfig())
-    for k in range(20, 60):
-        belief.move(Pose2.of(WAY[k - 1]).between(Pose2.of(WAY[k])), np.diag([0.02, 0.01, 0.01]) ** 2)
-        belief.add("phone", heard.readings((Pose2.of(WAY[k]) @ back).array()[:2], chance), back)
-
-    assert belief.places(1)[0].T_map_base.distance(Pose2.of(WAY[59])) < 1.0
