@@ -26,6 +26,7 @@ _SCALE_BAR_PX, _FONT_PX, _BOX = 6, 17, (255, 255, 255, 178)
 _MIN_KNOWN_CELLS = 10  # in a row or column at the edge
 _OCCUPIED = 0.6  # a cell over it darkens all of its pixel
 _STEPS_PER_PX = 4  # along the path
+_AT_ONCE = 20_000  # steps: bounds the memory, however far a robot drove
 
 _Extent = tuple[float, float, float, float]
 _Pixels = NDArray[np.uint8]
@@ -141,9 +142,11 @@ def _covered(shape: tuple[int, int], points: Floats) -> Floats:
     steps = np.arange(0.0, along[-1] if len(along) else 0.0, 1 / _STEPS_PER_PX)
     line = np.column_stack([np.interp(steps, along, axis) for axis in points.T]) if len(steps) else points
     around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
-    pixels = np.floor(line).astype(int)[:, None] + around
-    distance = np.hypot(*np.moveaxis(pixels + 0.5 - line[:, None], -1, 0))
-    np.maximum.at(covered, (pixels[..., 1], pixels[..., 0]), np.clip(_PATH_PX / 2 + 0.5 - distance, 0.0, 1.0))
+    for first in range(0, len(line), _AT_ONCE):
+        part = line[first : first + _AT_ONCE, None]
+        pixels = np.floor(part).astype(int) + around
+        distance = np.hypot(*np.moveaxis(pixels + 0.5 - part, -1, 0))
+        np.maximum.at(covered, (pixels[..., 1], pixels[..., 0]), np.clip(_PATH_PX / 2 + 0.5 - distance, 0.0, 1.0))
     return covered
 
 

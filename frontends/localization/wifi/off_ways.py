@@ -12,13 +12,13 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
+from wayfi.frontends.localization.wifi.likelihood import ROOT_2PI
 from wayfi.frontends.localization.wifi.radio_places import RadioPlaces
 from wayfi.frontends.wifi.readings import Readings
 
 DISTANCES_M = np.arange(0.0, 12.1, 0.5)  # that are told apart
 NEWEST = 0.25  # of the mean: that of the last four scans
 LEAST_COMMON = 5  # access points, by which a scan is compared
-ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
 class Away(NamedTuple):
