@@ -131,7 +131,8 @@ class WifiIntake:
         self._waiting = [scan for scan in self._waiting if id(scan) not in gone]
 
     def _place(self, scan: _Scan, path: DrivenPath) -> Iterator[Event]:
-        point, taken_m = self._at(scan.stamp_ns, path), self._taken_m(scan, path)
+        age_ns = int((self._by_place.common_age_s(scan.readings) or 0.0) * SECOND_NS)
+        point, taken_m = self._at(scan.stamp_ns - age_ns, path), self._taken_m(scan, path)
         unplaced = int(np.isnan(taken_m).sum())
         if point is None:
             yield Dropped(Sensor.WIFI, scan.stamp_ns, DropReason.TOO_LATE)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
+from wayfi.frontends.localization.wifi.directivity import NO_GAIN
 from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, fit_scan
 from wayfi.frontends.localization.wifi.off_ways import Away, OffWays
 from wayfi.frontends.localization.wifi.particles import Cloud, Particles
@@ -69,14 +70,16 @@ class WifiBelief:
             return
         self._catch_up()
         config, offset = self._config, self._offsets.of(receiver)
-        fit = fit_scan(self._map, readings, offset.offset_db, offset.sigma_db, config.likelihood)
+        gain = self._map.gains.get(receiver, NO_GAIN)
+        fit = fit_scan(self._map, readings, offset.offset_db, offset.sigma_db, config.likelihood, gain)
         evidence = self._evidence(fit.known)
         self._particles.draw(config.particles - config.seeds, config.roughening_m, config.roughening_rad)
         self._sow(self._map, fit, evidence)
-        self._weigh(self._map, fit, evidence)
-        self._offsets.learn(receiver, *self._offset(self._map, fit))
+        where = _Where.of(self._particles, self._map, fit)
+        self._weigh(fit, where, evidence)
+        self._offsets.learn(receiver, *self._offset(fit, where))
         for named in self.places(1):
-            self._off_ways.add(readings, named)
+            self._off_ways.add(readings, named, gain)
 
     def places(self, most: int) -> list[PlaceBelief]:
         """The `most` heaviest places, the heaviest first; their weights lack to 1 what is not in this map."""
@@ -134,24 +137,43 @@ class WifiBelief:
         p.leave(config.outside)
         p.sow(drawn.poses, drawn.floor, drawn.weights, share)
 
-    def _weigh(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
+    def _weigh(self, fit: ScanFit, where: "_Where", evidence: float) -> None:
         p = self._particles
-        nearest, distance_m = places.nearest(p.poses[:, :2], p.floor)
-        log_ratio = evidence * _log_ratios(places, fit, nearest, distance_m)
+        log_ratio = evidence * _log_ratios(fit, where)
         if p.weights.any():
             sharp = self._config.within_map * log_ratio
             p.weigh(sharp + _log_mean(log_ratio, p.weights) - _log_mean(sharp, p.weights))
 
-    def _offset(self, places: RadioPlaces, fit: ScanFit) -> tuple[float, float]:
+    def _offset(self, fit: ScanFit, where: "_Where") -> tuple[float, float]:
         """The receiver's offset by the scan, over the places where the robot may be, and the readings behind it."""
-        p = self._particles
-        nearest, distance_m = places.nearest(p.poses[:, :2], p.floor)
-        row = _rows(places, fit)[nearest]
-        weights = np.where((row >= 0) & (distance_m < AWAY_M[1]), p.weights, 0.0)
+        weights = np.where((where.row >= 0) & (where.distance_m < AWAY_M[1]), self._particles.weights, 0.0)
         total = float(weights.sum())
         if total < FOUND:
             return 0.0, 0.0
-        return float(weights @ fit.offset_db[row] / total), float(weights @ fit.common[row])
+        heading = np.rint(where.heading).astype(np.int64) % fit.log_ratio.shape[1]
+        return (
+            float(weights @ fit.offset_db[where.row, heading] / total),
+            float(weights @ fit.common[where.row, heading]),
+        )
+
+
+class _Where(NamedTuple):
+    """(n,) of each particle the nearest place's row in a fit, -1 if it was not examined, and its distance (m).
+
+    `heading` (n,) counts the headings of the fit, from 0 on.
+    """
+
+    row: NDArray[np.int64]
+    distance_m: Floats
+    heading: Floats
+
+    @staticmethod
+    def of(particles: Particles, places: RadioPlaces, fit: ScanFit) -> "_Where":
+        poses = particles.poses
+        nearest, distance_m = places.nearest(poses[:, :2], particles.floor)
+        rows = np.full(len(places), -1, np.int64)
+        rows[fit.places] = np.arange(len(fit.places))
+        return _Where(rows[nearest], distance_m, poses[:, 2] / (2.0 * np.pi) % 1.0 * fit.log_ratio.shape[1])
 
 
 def _log_mean(log_ratio: Floats, weights: Floats) -> float:
@@ -160,18 +182,16 @@ def _log_mean(log_ratio: Floats, weights: Floats) -> float:
     return top + float(np.log(weights @ np.exp(np.minimum(log_ratio - top, 0.0)) / weights.sum()))
 
 
-def _rows(places: RadioPlaces, fit: ScanFit) -> NDArray[np.int64]:
-    """(places,) the row of `fit` of each place, -1 of one that was not examined."""
-    rows = np.full(len(places), -1, np.int64)
-    rows[fit.places] = np.arange(len(fit.places))
-    return rows
-
-
-def _log_ratios(places: RadioPlaces, fit: ScanFit, nearest: NDArray[np.int64], distance_m: Floats) -> Floats:
-    """(n,) log ratio of particles at `distance_m` (n,) from their `nearest` places (n,)."""
-    unexamined = np.minimum(fit.log_ratio.min(axis=0, initial=0.0), 0.0)
-    table = np.vstack([fit.log_ratio, unexamined])
-    row = _rows(places, fit)[nearest]
-    k = np.clip(np.searchsorted(AWAY_M, distance_m, side="right") - 1, 0, len(AWAY_M) - 2)
-    share = np.clip((distance_m - AWAY_M[k]) / (AWAY_M[k + 1] - AWAY_M[k]), 0.0, 1.0)
-    return np.asarray((1.0 - share) * table[row, k] + share * table[row, k + 1])
+def _log_ratios(fit: ScanFit, where: _Where) -> Floats:
+    """(n,) log ratio of particles, interpolated between the distances and the headings of the fit."""
+    unexamined = np.minimum(fit.log_ratio.min(axis=0, keepdims=True, initial=0.0), 0.0)
+    table = np.concatenate([fit.log_ratio, unexamined])
+    k = np.clip(np.searchsorted(AWAY_M, where.distance_m, side="right") - 1, 0, len(AWAY_M) - 2)
+    away = np.clip((where.distance_m - AWAY_M[k]) / (AWAY_M[k + 1] - AWAY_M[k]), 0.0, 1.0)
+    before, headings = np.floor(where.heading).astype(np.int64), fit.log_ratio.shape[1]
+    turned = where.heading - before
+    ratio = np.zeros(len(k))
+    for heading, share in ((before, 1.0 - turned), (before + 1, turned)):
+        near, far = (table[where.row, heading % headings, k + side] for side in (0, 1))
+        ratio += share * ((1.0 - away) * near + away * far)
+    return ratio

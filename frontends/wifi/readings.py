@@ -30,9 +30,9 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedWifiScan:
-    """A scan of `receiver` that ended at `point` of the path; its readings were taken at `taken_m` (n,) of it.
+    """A scan that `receiver` took at `point` of the path, where it ended if its readings are of several places.
 
-    `taken_m` is NaN where the path is no longer kept.
+    They were taken at `taken_m` (n,) of the path, NaN where that is no longer kept.
     """
 
     receiver: str

@@ -1,8 +1,9 @@
 """Gathers readings of all ages where on the path they were taken.
 
 Phones report readings that are seconds old: one scan mixes places metres apart, and the readings of one place come with
-several scans. So a reading counts where it was taken, and a scan is replaced by what was heard where it ended: the mean
-of all readings taken within `near_m` of there. It waits until most of these have come.
+several scans. So a reading counts where it was taken, and such a scan is replaced by what was heard where it ended: the
+mean of all readings taken within `near_m` of there. It waits until most of these have come. A scan whose readings are
+all about as old is used as it is, where they were taken.
 """
 
 from collections import deque
@@ -40,6 +41,11 @@ class ReadingsByPlace:
         known.recent.append((scan, scan.point.stamp_ns + self._wait_ns(scan)))
         known.waiting = min(known.waiting + 1, MOST_KEPT)
 
+    def common_age_s(self, readings: Readings) -> float | None:
+        """How old (s) all readings of a scan are, if they were taken together."""
+        oldest_s, newest_s = float(readings.age_s.max()), float(readings.age_s.min())
+        return 0.5 * (oldest_s + newest_s) if oldest_s - newest_s <= self._config.together_s else None
+
     def ready(self, now_ns: int) -> list[PlacedWifiScan]:
         """The scans that are due now that the odometry has come to `now_ns`, each with what was heard at its place."""
         return [scan for known in self._receivers.values() for scan in self._due(known, now_ns)]
@@ -51,7 +57,8 @@ class ReadingsByPlace:
             known.waiting -= 1
             while known.recent[0][0].point.stamp_ns < scan.point.stamp_ns - KEPT_NS:
                 known.recent.popleft()
-            readings = scan.readings if self._is_together(scan.readings) else self._near(scan.point, known.recent)
+            together = self.common_age_s(scan.readings) is not None
+            readings = scan.readings if together else self._near(scan.point, known.recent)
             if readings.bssids:
                 due.append(replace(scan, readings=readings))
         return due
@@ -59,13 +66,9 @@ class ReadingsByPlace:
     def _wait_ns(self, scan: PlacedWifiScan) -> int:
         """How long to wait for later scans with readings from where this one ended."""
         placed_s = scan.readings.age_s[~np.isnan(scan.taken_m)]
-        if self._is_together(scan.readings) or len(placed_s) == 0:
+        if self.common_age_s(scan.readings) is not None or len(placed_s) == 0:
             return 0
         return int(float(np.quantile(placed_s, self._config.wait_quantile)) * SECOND_NS)
-
-    def _is_together(self, readings: Readings) -> bool:
-        """Whether all readings were taken where the scan ended."""
-        return bool((readings.age_s <= self._config.together_s).all())
 
     def _near(self, point: PathPoint, scans: deque[tuple[PlacedWifiScan, int]]) -> Readings:
         """The mean RSSI of each BSSID that was heard near `point`."""

@@ -35,7 +35,7 @@ class ByPlaceConfig:
     """Readings of all ages, gathered where they were taken."""
 
     near_m: float = option(1.0, "m", "to each side: a phone that reports an access point once a metre leaves holes")
-    together_s: float = option(0.5, "s", "if all ages are below this, or unknown, the scan was taken where it ended")
+    together_s: float = option(0.5, "s", "of difference between ages, below which a scan was taken at one place")
     wait_quantile: float = option(0.9, "", "of a scan's ages: it waits so long for most readings of its place to come")
 
 

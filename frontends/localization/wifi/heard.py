@@ -13,3 +13,7 @@ class Heard(NamedTuple):
     aps: NDArray[np.int32]
     rssi: NDArray[np.float32]
     share: NDArray[np.float32]
+
+    def rows(self) -> NDArray[np.int64]:
+        """(entries,) the row of each entry."""
+        return np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
+from wayfi.frontends.localization.wifi.directivity import HEADINGS, NO_GAIN, Gain, facing
 from wayfi.frontends.localization.wifi.radio_places import REACH_M, RadioPlaces
 from wayfi.frontends.wifi.readings import LOWEST_DBM, Readings
 
 Ints = NDArray[np.int32]
 
 EXAMINED = 256  # places, those that have most in common with a scan: bounds its cost
+ORIENTED = 64  # of them, those that fit best, at which headings are told apart
 AWAY_M = np.array([0.0, 3.0, 7.0, 12.0, REACH_M])  # from a place: the log ratios in between are interpolated
 OFFSET_TURNS = 3  # of fitting an offset: the first with all readings, then without outliers
 OUTLIER_SIGMAS = 2.5  # a reading that is further off does not count for the offset
@@ -38,9 +40,10 @@ ROOT_2PI = math.sqrt(2.0 * math.pi)
 class ScanFit:
     """How a scan that heard `known` access points of the map fits its (m,) `places`.
 
-    `log_ratio` (m, len(AWAY_M)) is against an unknown place, at and away from each. `offset_db` (m,) is how much the
-    receiver reads above the reference if the scan was taken there, by the `common` (m,) access points, each of which
-    counts 1 at most.
+    `log_ratio` (m, headings, len(AWAY_M)) is against an unknown place, at and away from each, at so many headings
+    evenly around the circle from 0 rad on; one if the receiver hears alike all around. `offset_db` (m, headings) is
+    how much it reads above the reference if the scan was taken there, by the `common` (m, headings) access points, each
+    of which counts 1 at most.
     """
 
     known: int
@@ -57,6 +60,7 @@ class _Map(NamedTuple):
     aps: Ints
     rssi: NDArray[np.float32]
     share: NDArray[np.float32]
+    towards: NDArray[np.float32]
     weight: Floats
     unknown: Floats  # chance of each access point to be heard somewhere unknown
 
@@ -73,7 +77,12 @@ class _Model(NamedTuple):
 
 
 def fit_scan(
-    places: RadioPlaces, readings: Readings, offset_db: float, sigma_db: float, config: LikelihoodConfig
+    places: RadioPlaces,
+    readings: Readings,
+    offset_db: float,
+    sigma_db: float,
+    config: LikelihoodConfig,
+    gain: Gain = NO_GAIN,
 ) -> ScanFit:
     """Compare the readings of a receiver, whose offset is `offset_db` to `sigma_db`, with the places of the map."""
     numbers = np.array([places.numbers.get(bssid, -1) for bssid in readings.bssids], np.int32)
@@ -85,12 +94,22 @@ def fit_scan(
     level = np.full(len(places.weight), np.nan)
     level[aps] = rssi
     unknown = np.clip(config.unknown_heard * places.common, LEAST_HEARD, config.unknown_heard)
-    heard = _Map(*places.heard, places.weight, unknown)
-    log_ratio, offsets = np.zeros((len(found), len(AWAY_M))), np.zeros((len(found), 2))
+    heard = _Map(*places.heard, places.towards, places.weight, unknown)
     model = _model(config)
-    _fit(log_ratio, offsets, found, heard, level, aps, model, sigma_db)
+
+    def fitted(chosen: NDArray[np.int64], more_db: Floats) -> tuple[Floats, Floats]:
+        log_ratio, offsets = np.zeros((len(chosen), len(AWAY_M))), np.zeros((len(chosen), 2))
+        _fit(log_ratio, offsets, chosen, heard, level, aps, model, sigma_db, more_db)
+        return log_ratio, offsets
+
+    log_ratio, offsets = (np.expand_dims(values, 1) for values in fitted(found, np.zeros(2)))
+    if gain != NO_GAIN:
+        best = np.argsort(-log_ratio[:, 0, 0], kind="stable")[:ORIENTED]
+        log_ratio, offsets = np.repeat(log_ratio, HEADINGS, 1), np.repeat(offsets, HEADINGS, 1)
+        for k, more_db in enumerate(facing(gain, np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS)):
+            log_ratio[best, k], offsets[best, k] = fitted(found[best], more_db)
     log_ratio += config.new_nats * min(2.0 * len(aps) - len(known), 0.0) * model.told / model.told[0]
-    return ScanFit(len(aps), found, log_ratio, offset_db + offsets[:, 0], offsets[:, 1])
+    return ScanFit(len(aps), found, log_ratio, offset_db + offsets[..., 0], offsets[..., 1])
 
 
 def _model(config: LikelihoodConfig) -> _Model:
@@ -109,31 +128,38 @@ def _fit(
     in_scan: Ints,
     model: _Model,
     sigma_db: float,
+    more_db: Floats,
 ) -> None:
     """Fill `log_ratio` (m, distances), and `offsets` (m, 2): the offset by the readings alone, and their number.
 
     `level` (access points,) is the RSSI in the scan, NaN where it is missing; `in_scan` are those that are not.
+    `more_db` (2,) are read more of what is in the direction of x, and of y.
     """
+    rssi = np.empty(len(level))
     at_place = np.zeros(len(level), np.bool_)
     for m in range(len(found)):
         first, end = heard.starts[found[m]], heard.starts[found[m] + 1]
-        offset, offsets[m, 0], offsets[m, 1] = _offset(first, end, heard, level, model, sigma_db)
         for i in range(first, end):
             a = heard.aps[i]
             at_place[a] = True
+            rssi[a] = heard.rssi[i] + more_db[0] * heard.towards[i, 0] + more_db[1] * heard.towards[i, 1]
+        at = heard.aps[first:end]
+        offset, offsets[m, 0], offsets[m, 1] = _offset(at, rssi, heard, level, model, sigma_db)
+        for i in range(first, end):
+            a = heard.aps[i]
             if math.isnan(level[a]):
-                loud = 1.0 / (1.0 + math.exp((FAINT_DBM - heard.rssi[i] - offset) / FAINT_DB))
+                loud = 1.0 / (1.0 + math.exp((FAINT_DBM - rssi[a] - offset) / FAINT_DB))
                 missed = (1.0 - model.heard * heard.share[i] * loud) / (1.0 - heard.unknown[a])
                 _add(log_ratio[m], missed, heard.weight[a], model)
             else:
                 chance = max(model.heard * heard.share[i], model.absent) * model.range_db / heard.unknown[a]
-                _add_heard(log_ratio[m], level[a] - heard.rssi[i] - offset, chance, heard.weight[a], model)
+                _add_heard(log_ratio[m], level[a] - rssi[a] - offset, chance, heard.weight[a], model)
         for a in in_scan:
             if not at_place[a]:
                 above = max(level[a] - offset - UNHEARD_DBM, 0.0) / UNHEARD_DB
                 density = math.exp(-0.5 * above * above) / (UNHEARD_DB * ROOT_2PI)
                 _add(log_ratio[m], model.absent * density * model.range_db / heard.unknown[a], heard.weight[a], model)
-        at_place[heard.aps[first:end]] = False
+        at_place[at] = False
 
 
 @njit(cache=True)
@@ -154,18 +180,20 @@ def _add_heard(log_ratio: Floats, difference_db: float, chance: float, weight: f
 
 @njit(cache=True)
 def _offset(
-    first: int, end: int, heard: _Map, level: Floats, model: _Model, sigma_db: float
+    at: Ints, rssi: Floats, heard: _Map, level: Floats, model: _Model, sigma_db: float
 ) -> tuple[float, float, float]:
-    """The receiver's further offset at a place by prior and readings, by the readings alone, and their number."""
+    """The receiver's further offset at a place by prior and readings, by the readings alone, and their number.
+
+    The access points `at` the place have `rssi` (access points,) there.
+    """
     offset, raw, common = 0.0, 0.0, 0.0
     prior = (model.level_db / sigma_db) ** 2
     for turn in range(OFFSET_TURNS):
         total, common = 0.0, 0.0
-        for i in range(first, end):
-            a = heard.aps[i]
-            d = level[a] - heard.rssi[i]
+        for a in at:
+            d = level[a] - rssi[a]
             if not math.isnan(d) and (turn == 0 or abs(d - offset) < OUTLIER_SIGMAS * model.level_db):
-                strong = level[a] + heard.rssi[i] > 2.0 * STRONG_DBM
+                strong = level[a] + rssi[a] > 2.0 * STRONG_DBM
                 counts = heard.weight[a] * (1.0 if strong else WEAK_COUNTS)
                 total += counts * d
                 common += counts

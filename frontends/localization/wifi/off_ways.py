@@ -12,13 +12,14 @@ import numpy as np
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief
-from wayfi.frontends.localization.wifi.likelihood import ROOT_2PI
+from wayfi.frontends.localization.wifi.directivity import NO_GAIN, Gain, facing
 from wayfi.frontends.localization.wifi.radio_places import RadioPlaces
 from wayfi.frontends.wifi.readings import Readings
 
 DISTANCES_M = np.arange(0.0, 12.1, 0.5)  # that are told apart
 NEWEST = 0.25  # of the mean: that of the last four scans
 LEAST_COMMON = 5  # access points, by which a scan is compared
+ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
 class Away(NamedTuple):
@@ -47,11 +48,12 @@ class OffWays:
         self._log_likelihood = np.zeros(len(DISTANCES_M))
         self._named_m = 0.0
 
-    def add(self, readings: Readings, named: PlaceBelief) -> None:
-        """Use a scan, after which WiFi has `named` a place."""
+    def add(self, readings: Readings, named: PlaceBelief, gain: Gain = NO_GAIN) -> None:
+        """Use a scan of a receiver of some `gain`, after which WiFi has `named` the place where it was taken."""
         xy, floor = np.array([[named.T_map_base.x, named.T_map_base.y]]), np.array([named.floor])
         number, distance_m = self._places.nearest(xy, floor)
-        difference_db = _differences(self._places, int(number[0]), readings)
+        more_db = facing(gain, np.array([named.T_map_base.theta]))[0]
+        difference_db = _differences(self._places, int(number[0]), readings, more_db)
         if not np.isfinite(distance_m[0]) or len(difference_db) < LEAST_COMMON:
             return
         self._named_m = float(distance_m[0])
@@ -67,9 +69,13 @@ class OffWays:
         return Away(float(DISTANCES_M[np.argmax(self._log_likelihood)]), self._named_m)
 
 
-def _differences(places: RadioPlaces, place: int, readings: Readings) -> Floats:
-    """(n,) dB by which readings are above those of a place, of the access points that were heard both times."""
+def _differences(places: RadioPlaces, place: int, readings: Readings, more_db: Floats) -> Floats:
+    """(n,) dB by which readings are above those of a place, of the access points that were heard both times.
+
+    Of what is in the direction of x and of y, `more_db` (2,) are read there.
+    """
     here = slice(places.heard.starts[place], places.heard.starts[place + 1])
-    level = dict(zip(places.heard.aps[here].tolist(), places.heard.rssi[here].tolist(), strict=True))
+    there = places.heard.rssi[here] + places.towards[here] @ more_db
+    level = dict(zip(places.heard.aps[here].tolist(), there.tolist(), strict=True))
     known = zip([places.numbers.get(b, -1) for b in readings.bssids], readings.rssi.tolist(), strict=True)
     return np.array([rssi - level[a] for a, rssi in known if a in level], np.float64)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.point_index import CellGrid, block_around, nearest, sort_by_cell
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
+from wayfi.frontends.localization.wifi.directions import directions
+from wayfi.frontends.localization.wifi.directivity import NO_GAIN, Gain, gain_towards, learn_gain
 from wayfi.frontends.localization.wifi.heard import Heard
 from wayfi.frontends.localization.wifi.level_spread import LevelSpread, learn_spread
 from wayfi.frontends.maps.building_map import BuildingMap, MapFingerprint
@@ -30,12 +32,15 @@ class RadioPlaces:
     """(n, 2) m `xy` in map and (n,) `floor` of each place, and what was `heard` there, less the receivers' offsets.
 
     Of each access point: its number by its BSSID, the `weight` (0 to 1) by which it counts, and the share of all places
-    where it was heard, `common`. `spread` is that of readings about what was heard.
+    where it was heard, `common`. `spread` is that of readings about what was heard. `heard` is also less the receivers'
+    `gains`; `towards` (entries of `heard`, 2) is the mean direction of the access point from the place.
     """
 
     xy: Floats
     floor: Longs
     heard: Heard
+    towards: Levels
+    gains: Mapping[str, Gain]
     numbers: Mapping[str, int]
     weight: Floats
     common: Floats
@@ -70,11 +75,14 @@ def radio_places(building: BuildingMap, config: LikelihoodConfig) -> RadioPlaces
     numbers: dict[str, int] = {}
     offsets = {receiver: known.offset_db for receiver, known in building.calibration.receivers.items()}
     fingerprinted = _heard(fingerprints, offsets, numbers)
+    around = directions(at, floor, fingerprinted, len(numbers))
+    gains, fingerprinted = _less_gains(building, fingerprinted, around.seen_from(np.arange(len(at)), fingerprinted))
     heard = _smoothed(places, at, fingerprinted, len(numbers), config.smoothing_m)
     weight = np.array([building.weights.get(bssid, 1.0) for bssid in numbers])
     order, cells = sort_by_cell(places, REACH_M)
     return RadioPlaces(
-        places - np.column_stack([floor[first] * FLOOR_M, np.zeros(len(first))]), floor[first], heard, numbers,
+        places - np.column_stack([floor[first] * FLOOR_M, np.zeros(len(first))]), floor[first], heard,
+        around.seen_from(first, heard), gains, numbers,
         np.minimum(weight / np.median(weight), 1.0), np.bincount(heard.aps, minlength=len(numbers)) / len(places),
         learn_spread(at, fingerprinted, config), _posted(heard), places[order], order, cells,
     )  # fmt: skip
@@ -90,6 +98,21 @@ def _heard(fingerprints: Sequence[MapFingerprint], offsets: Mapping[str, float],
     rssi = np.concatenate([f.readings.rssi - np.float32(offsets.get(f.receiver, 0.0)) for f in fingerprints])
     starts = np.cumsum([0, *(len(f.readings.bssids) for f in fingerprints)])
     return Heard(starts.astype(np.int64), np.array(aps, np.int32), rssi, np.ones(len(aps), np.float32))
+
+
+def _less_gains(building: BuildingMap, heard: Heard, towards: Levels) -> tuple[dict[str, Gain], Heard]:
+    """The gain of each receiver, learnt from what its fingerprints `heard`, and that less the gains."""
+    rows, poses = heard.rows(), building.fingerprint_poses()[heard.rows()]
+    receiver = np.array([f.receiver for f in building.fingerprints])[rows]
+    gains: dict[str, Gain] = {}
+    rssi = heard.rssi.copy()
+    for name in sorted(set(receiver.tolist())):
+        own = receiver == name
+        x, y, heading = poses[own].T
+        gain = learn_gain(np.column_stack([x, y]), heading, heard.aps[own], heard.rssi[own], towards[own])
+        rssi[own] -= gain_towards(gain, heading, towards[own]).astype(np.float32)
+        gains |= {name: gain} if gain != NO_GAIN else {}
+    return gains, heard._replace(rssi=rssi)
 
 
 def _smoothed(places: Floats, at: Floats, heard: Heard, access_points: int, sigma_m: float) -> Heard:

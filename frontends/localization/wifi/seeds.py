@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfi.backend.pose2 import Floats
+from wayfi.backend.pose2 import Floats, wrap_all
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.likelihood import ScanFit
 from wayfi.frontends.localization.wifi.particles import spread_evenly
@@ -33,17 +33,18 @@ def draw_seeds(
     """
     if len(fit.places) == 0:
         return None
-    rings = len(RINGS_M)
+    rings, headings = len(RINGS_M), fit.log_ratio.shape[1]
     around = config.around / (rings - 1)
-    prior = np.array([1.0 - config.around, *[around] * (rings - 1)]) / len(places)
-    ratio = np.exp(np.clip(evidence * fit.log_ratio[:, :rings], -MOST_NATS, MOST_NATS))
+    prior = np.array([1.0 - config.around, *[around] * (rings - 1)]) / len(places) / headings
+    ratio = np.exp(np.clip(evidence * fit.log_ratio[:, :, :rings], -MOST_NATS, MOST_NATS))
     mass = (prior * ratio).reshape(-1)
     drawn = np.minimum(np.searchsorted(np.cumsum(mass) / mass.sum(), (np.arange(count) + 0.5) / count), len(mass) - 1)
-    place, ring = fit.places[drawn // rings], drawn % rings
+    number, heard_at, ring = np.unravel_index(drawn, ratio.shape)
+    place = fit.places[number]
     cube = spread_evenly(count, 3, first)
     inner, outer = np.array(RINGS_M)[ring].T
     radius_m = np.sqrt(inner**2 + cube[:, 0] * (outer**2 - inner**2))
-    bearing, heading = 2.0 * np.pi * cube[:, 1], 2.0 * np.pi * cube[:, 2] - np.pi
+    bearing, heading = 2.0 * np.pi * cube[:, 1], 2.0 * np.pi / headings * (heard_at + cube[:, 2] - 0.5)
     xy = places.xy[place] + radius_m[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
-    poses = np.column_stack([xy, heading])
+    poses = np.column_stack([xy, wrap_all(heading)])
     return Seeds(poses, places.floor[place], mass.sum() / count / ratio.reshape(-1)[drawn])

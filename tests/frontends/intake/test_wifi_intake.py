@@ -81,6 +81,16 @@ def test_a_scan_whose_ages_are_unknown_stays_as_it_is() -> None:
         assert set(placed.readings.rssi.tolist()) == {-40.0 - placed.point.stamp_ns / S}
 
 
+def test_a_scan_whose_readings_are_all_as_old_is_placed_where_they_were_taken() -> None:
+    drive = Drive()
+    for tenth in range(100):
+        drive.odometry(tenth / 10)
+        if tenth % 10 == 9:
+            drive.hear(scan(tenth / 10, [0.8] * 5))
+    assert drive.seconds() == pytest.approx([second + 0.1 for second in range(10)], abs=1e-6)
+    assert [p.point.path_m for p in drive.placed] == pytest.approx([SPEED_M_S * (s + 0.1) for s in range(10)], abs=1e-6)
+
+
 def test_each_reading_counts_where_the_robot_was_then() -> None:
     drive = Drive()
     for tenth in range(1, 401):

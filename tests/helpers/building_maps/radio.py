@@ -22,20 +22,33 @@ Change = Callable[[Readings], Readings]
 
 @dataclass(frozen=True)
 class Radio:
-    """Access points at `places` (n, 2) m, with the wall loss and the shadowing that each has everywhere."""
+    """Access points at `places` (n, 2) m, with the wall loss and the shadowing that each has everywhere.
+
+    A receiver reads `ahead_db` more of what is straight ahead of it, and as much less of what is behind.
+    """
 
     bssids: tuple[str, ...]
     places: Floats
     loss_db: Floats
     waves: Floats
     phases: Floats
+    ahead_db: float = 0.0
 
-    def readings(self, xy: Floats, chance: np.random.Generator, fading_db: float = 2.5) -> Readings:
-        """What a receiver hears at `xy` (2,) m."""
+    def readings(
+        self, xy: Floats, chance: np.random.Generator, fading_db: float = 2.5, heading: float = 0.0
+    ) -> Readings:
+        """What a receiver hears at `xy` (2,) m that faces `heading` (rad)."""
+        away = self.places - xy
+        facing_db = self.ahead_db * np.cos(np.arctan2(away[:, 1], away[:, 0]) - heading)
         distance_m = np.maximum(np.hypot(*(self.places - xy).T), 1.0)
         shadow = 4.0 * np.cos(self.waves @ xy + self.phases).mean(axis=1) * 2.0
         rssi = (
-            -40.0 - 32.0 * np.log10(distance_m) - self.loss_db + shadow + chance.normal(0.0, fading_db, len(distance_m))
+            -40.0
+            - 32.0 * np.log10(distance_m)
+            - self.loss_db
+            + shadow
+            + facing_db
+            + chance.normal(0.0, fading_db, len(distance_m))
         )
         heard = np.flatnonzero(chance.random(len(rssi)) < 0.92 / (1.0 + np.exp(-(rssi + 87.0) / 2.0)))
         return Readings(
@@ -95,7 +108,7 @@ def radio_map(heard: Radio | None, way: Floats, seed: int = 1, floor: int = 0, r
     chance = np.random.default_rng(seed)
     nothing = np.empty((0, 2), np.float32)
     keyframes = [MapKeyframe(k * SECOND_NS, k * STEP_M, None, nothing, floor=floor) for k in range(len(way))]
-    readings = [heard.readings(pose[:2], chance, 1.8) for pose in way] if heard else []
+    readings = [heard.readings(pose[:2], chance, 1.8, pose[2]) for pose in way] if heard else []
     fingerprints = [MapFingerprint(k * SECOND_NS, receiver, k, Pose2(), k * STEP_M, r) for k, r in enumerate(readings)]
     weights = dict.fromkeys((bssid for r in readings for bssid in r.bssids), 0.4)
     calibration = Calibration(WheelCalibration(np.zeros(4), np.full(4, 0.1)), {receiver: ReceiverOffset(0.0, 0.0)})
@@ -139,7 +152,7 @@ def drive(
             belief.move(Pose2.of(step.array() + noise), STEP_COVARIANCE)
         elif not start:
             continue
-        readings = heard.readings(pose[:2], chance)
+        readings = heard.readings(pose[:2], chance, heading=pose[2])
         for change in changes:
             readings = change(readings)
         belief.add(receiver, readings)
