@@ -44,6 +44,15 @@ def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:
     assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1), 0) > -0.1
 
 
+def test_a_pose_off_a_place_that_is_known_well_is_unlikely() -> None:
+    at = Pose2(3.0, 4.0, 0.2)
+    sharp = WifiSupport([PlaceBelief(at, np.diag([0.35, 0.35, 0.01]), 1.0)], cloud(at, 0.35, 0.1))
+
+    assert sharp.nats(Pose2(3.4, 4.0, 0.2), 0) > -1.0
+    assert sharp.nats(Pose2(4.5, 4.0, 0.2), 0) < -3.0
+    assert sharp.nats(Pose2(5.3, 4.0, 0.2), 0) > -12.0  # WiFi errs beyond its belief at times
+
+
 def test_every_heading_is_about_as_likely_where_it_is_open() -> None:
     assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) > -1.5
 
