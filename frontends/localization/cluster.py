@@ -45,6 +45,27 @@ def score(hypothesis: Hypothesis, wifi: WifiSupport) -> float:
     return hypothesis.evidence + wifi.nats(hypothesis.T_map_base, hypothesis.floor)
 
 
+def evidence_before(
+    newcomer: Hypothesis, hypotheses: Iterable[Hypothesis], track: LocalTrack, config: ClaimConfig
+) -> float:
+    """The evidence (nats) that a newcomer has up to its keyframe: that of the nearest which is one place with it there.
+
+    Where none is, its way is taken to have fitted as well as that of any other.
+    """
+    keyframe, T = newcomer.keyframe, newcomer.T_map_base
+    near, known = [], []
+    for h in hypotheses:
+        evidence = h.evidence_at(keyframe)
+        if evidence is None:
+            continue
+        known.append(evidence)
+        if h.keyframe >= track.first:
+            there = h.T_map_base @ track.between(h.keyframe, keyframe)
+            if _near([there, T], [h.floor, newcomer.floor], 1, [0], config):
+                near.append((there.distance(T), evidence))
+    return min(near)[1] if near else max(known, default=0.0)
+
+
 def cluster_of(
     hypotheses: Sequence[Hypothesis],
     track: LocalTrack,

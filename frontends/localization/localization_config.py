@@ -63,7 +63,7 @@ class ClaimConfig:
     apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
     path_m: float = option(1.2, "m", "of path along which they agree")
     open_path_m: float = option(
-        5.0, "m", "the same where walls leave the place open along them: WiFi errs by 1.4 m before"
+        3.0, "m", "the same where walls leave the place open along them: WiFi errs by .4 m by then"
     )
     fixes_with_wifi: int = option(
         2,

@@ -8,7 +8,7 @@ from wayfi.backend.graph.health import FailureCategory, Health, State
 from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.localization.claims import judge_claim, why_not_confirmed
-from wayfi.frontends.localization.cluster import Cluster, cluster_of, is_twin, score
+from wayfi.frontends.localization.cluster import Cluster, cluster_of, evidence_before, is_twin, score
 from wayfi.frontends.localization.coarse_claim import CoarseClaim
 from wayfi.frontends.localization.follower import Follower
 from wayfi.frontends.localization.hypotheses import Hypothesis, is_same
@@ -182,10 +182,10 @@ class Localizer:
                     return
         back = track.back(config.reach_m)
         T = proposed.T_map_base @ track.between(proposed.keyframe, back)
-        # its way up to there is taken to have fitted as well as that of any other
-        before = [e for h in self._hypotheses if (e := h.evidence_at(back)) is not None]
         covariance = diagonal_covariance(config.sigma_m, config.sigma_rad)
-        self._hypotheses.append(Hypothesis(T, covariance, back, max(before, default=0.0), proposed.floor))
+        newcomer = Hypothesis(T, covariance, back, floor=proposed.floor)
+        newcomer.evidence = evidence_before(newcomer, self._hypotheses, track, self._config.claim)
+        self._hypotheses.append(newcomer)
 
     def _drop(self) -> None:
         """Drop the hypotheses that the laser contradicts, that are far worse than the best, or another one by now."""

@@ -4,18 +4,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfi.backend.pose2 import Floats, Pose2, adjoint
 from wayfi.frontends.localization.wifi.belief_config import WifiBeliefConfig
 from wayfi.frontends.localization.wifi.clusters import PlaceBelief, places_of
 from wayfi.frontends.localization.wifi.directivity import NO_GAIN
-from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, fit_scan
+from wayfi.frontends.localization.wifi.likelihood import AWAY_M, ScanFit, evidence_of_scan, fit_scan
 from wayfi.frontends.localization.wifi.off_ways import Away, OffWays
 from wayfi.frontends.localization.wifi.particles import Cloud, Particles
 from wayfi.frontends.localization.wifi.radio_places import RadioPlaces, radio_places
 from wayfi.frontends.localization.wifi.receiver_offsets import ReceiverOffsets
 from wayfi.frontends.localization.wifi.seeds import draw_seeds
+from wayfi.frontends.localization.wifi.sharpness import learn_sharpness
+from wayfi.frontends.localization.wifi.where import Where, log_ratios
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.wifi.readings import Readings
 
@@ -42,6 +43,7 @@ class WifiBelief:
     def __init__(self, building: BuildingMap, config: WifiBeliefConfig) -> None:
         self._config = config
         self._map = radio_places(building, config.likelihood)
+        self._sharpness = learn_sharpness(building, self._map, config) if self._map else config.within_map
         self._offsets = ReceiverOffsets(building.calibration.receivers, config.likelihood)
         self._off_ways = OffWays(self._map, config.likelihood) if self._map else None
         self._particles = Particles(config.particles)
@@ -75,7 +77,7 @@ class WifiBelief:
         evidence = self._evidence(fit.known)
         self._particles.draw(config.particles - config.seeds, config.roughening_m, config.roughening_rad)
         self._sow(self._map, fit, evidence)
-        where = _Where.of(self._particles, self._map, fit)
+        where = Where.of(self._particles.poses, self._particles.floor, self._map, fit)
         self._weigh(fit, where, evidence)
         self._offsets.learn(receiver, *self._offset(fit, where))
         for named in self.places(1):
@@ -116,10 +118,9 @@ class WifiBelief:
 
     def _evidence(self, known: int) -> float:
         """The share of its log ratio that a scan counts, which heard so many access points of the map."""
-        config = self._config.likelihood
-        new = min(self._moved_m / config.independent_m, 1.0)
+        evidence = evidence_of_scan(known, self._moved_m, self._config.likelihood)
         self._moved_m = 0.0
-        return max(new, config.standing) / (config.siblings + known / config.independent_aps)
+        return evidence
 
     def _sow(self, places: RadioPlaces, fit: ScanFit, evidence: float) -> None:
         """Begin some particles anew where the scan fits, before it is weighed.
@@ -137,14 +138,14 @@ class WifiBelief:
         p.leave(config.outside)
         p.sow(drawn.poses, drawn.floor, drawn.weights, share)
 
-    def _weigh(self, fit: ScanFit, where: "_Where", evidence: float) -> None:
+    def _weigh(self, fit: ScanFit, where: Where, evidence: float) -> None:
         p = self._particles
-        log_ratio = evidence * _log_ratios(fit, where)
+        log_ratio = evidence * log_ratios(fit, where)
         if p.weights.any():
-            sharp = self._config.within_map * log_ratio
+            sharp = self._sharpness * log_ratio
             p.weigh(sharp + _log_mean(log_ratio, p.weights) - _log_mean(sharp, p.weights))
 
-    def _offset(self, fit: ScanFit, where: "_Where") -> tuple[float, float]:
+    def _offset(self, fit: ScanFit, where: Where) -> tuple[float, float]:
         """The receiver's offset by the scan, over the places where the robot may be, and the readings behind it."""
         weights = np.where((where.row >= 0) & (where.distance_m < AWAY_M[1]), self._particles.weights, 0.0)
         total = float(weights.sum())
@@ -157,41 +158,7 @@ class WifiBelief:
         )
 
 
-class _Where(NamedTuple):
-    """(n,) of each particle the nearest place's row in a fit, -1 if it was not examined, and its distance (m).
-
-    `heading` (n,) counts the headings of the fit, from 0 on.
-    """
-
-    row: NDArray[np.int64]
-    distance_m: Floats
-    heading: Floats
-
-    @staticmethod
-    def of(particles: Particles, places: RadioPlaces, fit: ScanFit) -> "_Where":
-        poses = particles.poses
-        nearest, distance_m = places.nearest(poses[:, :2], particles.floor)
-        rows = np.full(len(places), -1, np.int64)
-        rows[fit.places] = np.arange(len(fit.places))
-        return _Where(rows[nearest], distance_m, poses[:, 2] / (2.0 * np.pi) % 1.0 * fit.log_ratio.shape[1])
-
-
 def _log_mean(log_ratio: Floats, weights: Floats) -> float:
     """The logarithm of the mean of exp(`log_ratio`) (n,) by weights (n,)."""
     top = float(log_ratio[weights > 0.0].max())
     return top + float(np.log(weights @ np.exp(np.minimum(log_ratio - top, 0.0)) / weights.sum()))
-
-
-def _log_ratios(fit: ScanFit, where: _Where) -> Floats:
-    """(n,) log ratio of particles, interpolated between the distances and the headings of the fit."""
-    unexamined = np.minimum(fit.log_ratio.min(axis=0, keepdims=True, initial=0.0), 0.0)
-    table = np.concatenate([fit.log_ratio, unexamined])
-    k = np.clip(np.searchsorted(AWAY_M, where.distance_m, side="right") - 1, 0, len(AWAY_M) - 2)
-    away = np.clip((where.distance_m - AWAY_M[k]) / (AWAY_M[k + 1] - AWAY_M[k]), 0.0, 1.0)
-    before, headings = np.floor(where.heading).astype(np.int64), fit.log_ratio.shape[1]
-    turned = where.heading - before
-    ratio = np.zeros(len(k))
-    for heading, share in ((before, 1.0 - turned), (before + 1, turned)):
-        near, far = (table[where.row, heading % headings, k + side] for side in (0, 1))
-        ratio += share * ((1.0 - away) * near + away * far)
-    return ratio

@@ -48,7 +48,7 @@ class WifiBeliefConfig:
     within_map: float = option(
         2.0,
         "times",
-        "as much a scan counts between places of the map as between them and none: sigmas are 2 too wide else",
+        "as much a scan counts between places of the map as between them and none, where the map does not tell",
     )
     begins_outside: float = option(0.5, "", "chance that a robot that is switched on is not in this map")
     roughening_m: float = option(0.15, "m", "by which particles drawn twice part: wheels are too sure")

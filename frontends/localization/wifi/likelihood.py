@@ -83,14 +83,20 @@ def fit_scan(
     sigma_db: float,
     config: LikelihoodConfig,
     gain: Gain = NO_GAIN,
+    compared: NDArray[np.int64] | None = None,
 ) -> ScanFit:
-    """Compare the readings of a receiver, whose offset is `offset_db` to `sigma_db`, with the places of the map."""
+    """Compare the readings of a receiver, whose offset is `offset_db` to `sigma_db`, with the places of the map.
+
+    Those are the ones that have most in common with the scan, unless places `compared` are given.
+    """
     numbers = np.array([places.numbers.get(bssid, -1) for bssid in readings.bssids], np.int32)
     known = numbers >= 0
     aps, rssi = numbers[known], readings.rssi[known] - np.float32(offset_db)
     weight = places.weight[aps]
-    order = np.argsort(-weight * (rssi - LOWEST_DBM), kind="stable")
-    found = places.postings.overlap(aps[order], rssi[order], weight[order], len(places), EXAMINED).numbers
+    found = compared
+    if found is None:
+        order = np.argsort(-weight * (rssi - LOWEST_DBM), kind="stable")
+        found = places.postings.overlap(aps[order], rssi[order], weight[order], len(places), EXAMINED).numbers
     level = np.full(len(places.weight), np.nan)
     level[aps] = rssi
     unknown = np.clip(config.unknown_heard * places.common, LEAST_HEARD, config.unknown_heard)
@@ -110,6 +116,12 @@ def fit_scan(
             log_ratio[best, k], offsets[best, k] = fitted(found[best], more_db)
     log_ratio += config.new_nats * min(2.0 * len(aps) - len(known), 0.0) * model.told / model.told[0]
     return ScanFit(len(aps), found, log_ratio, offset_db + offsets[..., 0], offsets[..., 1])
+
+
+def evidence_of_scan(known: int, moved_m: float, config: LikelihoodConfig) -> float:
+    """The share of its log ratio that a scan counts, of `known` access points, so far on from the last one."""
+    new = min(moved_m / config.independent_m, 1.0)
+    return max(new, config.standing) / (config.siblings + known / config.independent_aps)
 
 
 def _model(config: LikelihoodConfig) -> _Model:

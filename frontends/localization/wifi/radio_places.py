@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from wayfi.backend.pose2 import Floats
 from wayfi.frontends.lidar.point_index import CellGrid, block_around, nearest, sort_by_cell
 from wayfi.frontends.localization.wifi.belief_config import LikelihoodConfig
-from wayfi.frontends.localization.wifi.directions import directions
+from wayfi.frontends.localization.wifi.directions import Directions, directions
 from wayfi.frontends.localization.wifi.directivity import NO_GAIN, Gain, gain_towards, learn_gain
 from wayfi.frontends.localization.wifi.heard import Heard
 from wayfi.frontends.localization.wifi.level_spread import LevelSpread, learn_spread
@@ -27,13 +28,30 @@ SMOOTHED = 2.0  # sigmas: fingerprints further away add less than a seventh
 STEP_DB = 8.0  # of the posting lists: two steps apart cover the offset of another phone
 
 
+class Fingerprinted(NamedTuple):
+    """What the fingerprints of a map `heard` `at` (m, 2) m on a `floor` (m,), less the receivers' offsets and gains.
+
+    Different floors lie far apart. The rest is as in RadioPlaces; `around` gives the directions of access points.
+    """
+
+    at: Floats
+    floor: Longs
+    heard: Heard
+    around: Directions
+    gains: Mapping[str, Gain]
+    numbers: Mapping[str, int]
+    weight: Floats
+    spread: LevelSpread
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RadioPlaces:
     """(n, 2) m `xy` in map and (n,) `floor` of each place, and what was `heard` there, less the receivers' offsets.
 
     Of each access point: its number by its BSSID, the `weight` (0 to 1) by which it counts, and the share of all places
     where it was heard, `common`. `spread` is that of readings about what was heard. `heard` is also less the receivers'
-    `gains`; `towards` (entries of `heard`, 2) is the mean direction of the access point from the place.
+    `gains`; `towards` (entries of `heard`, 2) is the mean direction of the access point from the place. All is made
+    of what was `fingerprinted`.
     """
 
     xy: Floats
@@ -46,6 +64,7 @@ class RadioPlaces:
     common: Floats
     spread: LevelSpread
     postings: Postings
+    fingerprinted: Fingerprinted
     _sorted: Floats
     _order: Longs
     _cells: CellGrid
@@ -69,22 +88,31 @@ def radio_places(building: BuildingMap, config: LikelihoodConfig) -> RadioPlaces
         return None
     floor = np.array([building.keyframes[f.keyframe].floor for f in fingerprints], np.int64)
     at = _by_floor(building.fingerprint_poses()[:, :2], floor)
+    numbers: dict[str, int] = {}
+    offsets = {receiver: known.offset_db for receiver, known in building.calibration.receivers.items()}
+    heard = _heard(fingerprints, offsets, numbers)
+    around = directions(at, floor, heard, len(numbers))
+    gains, heard = _less_gains(building, heard, around.seen_from(np.arange(len(at)), heard))
+    weight = np.array([building.weights.get(bssid, 1.0) for bssid in numbers])
+    weight = np.minimum(weight / np.median(weight), 1.0)
+    spread = learn_spread(at, heard, config)
+    known = Fingerprinted(at, floor, heard, around, gains, numbers, weight, spread)
+    return places_of_some(known, np.arange(len(at)), config)
+
+
+def places_of_some(known: Fingerprinted, kept: Longs, config: LikelihoodConfig) -> RadioPlaces:
+    """The places of the fingerprints `kept` (k,) alone, by their numbers."""
+    at = known.at[kept]
     _, first, cell = np.unique(np.floor(at / config.place_m), axis=0, return_index=True, return_inverse=True)
     cell = cell.reshape(-1)
     places = np.column_stack([np.bincount(cell, at[:, axis]) for axis in (0, 1)]) / np.bincount(cell)[:, None]
-    numbers: dict[str, int] = {}
-    offsets = {receiver: known.offset_db for receiver, known in building.calibration.receivers.items()}
-    fingerprinted = _heard(fingerprints, offsets, numbers)
-    around = directions(at, floor, fingerprinted, len(numbers))
-    gains, fingerprinted = _less_gains(building, fingerprinted, around.seen_from(np.arange(len(at)), fingerprinted))
-    heard = _smoothed(places, at, fingerprinted, len(numbers), config.smoothing_m)
-    weight = np.array([building.weights.get(bssid, 1.0) for bssid in numbers])
+    heard = _smoothed(places, known, kept, config.smoothing_m)
+    floor, common = known.floor[kept[first]], np.bincount(heard.aps, minlength=len(known.numbers)) / len(places)
     order, cells = sort_by_cell(places, REACH_M)
     return RadioPlaces(
-        places - np.column_stack([floor[first] * FLOOR_M, np.zeros(len(first))]), floor[first], heard,
-        around.seen_from(first, heard), gains, numbers,
-        np.minimum(weight / np.median(weight), 1.0), np.bincount(heard.aps, minlength=len(numbers)) / len(places),
-        learn_spread(at, fingerprinted, config), _posted(heard), places[order], order, cells,
+        places - np.column_stack([floor * FLOOR_M, np.zeros(len(first))]), floor, heard,
+        known.around.seen_from(kept[first], heard), known.gains, known.numbers, known.weight, common,
+        known.spread, _posted(heard), known, places[order], order, cells,
     )  # fmt: skip
 
 
@@ -115,10 +143,11 @@ def _less_gains(building: BuildingMap, heard: Heard, towards: Levels) -> tuple[d
     return gains, heard._replace(rssi=rssi)
 
 
-def _smoothed(places: Floats, at: Floats, heard: Heard, access_points: int, sigma_m: float) -> Heard:
-    """The mean at each of `places` (n, 2) m of the fingerprints around, which were heard `at` (m, 2) m."""
-    order, cells = sort_by_cell(at, SMOOTHED * sigma_m)
-    counts, aps, rssi, share = _means(places, at[order], order, cells, heard, access_points, sigma_m)
+def _smoothed(places: Floats, known: Fingerprinted, kept: Longs, sigma_m: float) -> Heard:
+    """The mean at each of `places` (n, 2) m of the fingerprints `kept` around."""
+    order, cells = sort_by_cell(known.at[kept], SMOOTHED * sigma_m)
+    order = kept[order]
+    counts, aps, rssi, share = _means(places, known.at[order], order, cells, known.heard, len(known.numbers), sigma_m)
     return Heard(np.concatenate([[0], np.cumsum(counts)]), aps, rssi, share)
 
 

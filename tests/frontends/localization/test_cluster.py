@@ -5,7 +5,7 @@ import pytest
 
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.localization.cluster import cluster_of
+from wayfi.frontends.localization.cluster import cluster_of, evidence_before
 from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localization_config import ClaimConfig
@@ -54,3 +54,16 @@ def test_a_hypothesis_that_lags_behind_counts_as_much_for_the_place(track: Local
     assert cluster.best is newest
     assert cluster.T_map_base.x == pytest.approx(11.0, abs=0.1)
     assert cluster.covariance[0, 0] > 1.0
+
+
+@pytest.mark.parametrize(("x", "evidence"), [(11.0, "near"), (30.0, "far")])
+def test_a_newcomer_has_the_evidence_of_the_nearest_on_its_way(track: LocalTrack, x: float, evidence: str) -> None:
+    hypotheses = {"near": compared(10.0, 1, [0.5] * 2), "far": compared(50.0, 1, [0.9])}
+    known = {name: h.evidence for name, h in hypotheses.items()}
+    for hypothesis in hypotheses.values():
+        hypothesis.move_to_next(track)
+        hypothesis.move_to_next(track)
+    newcomer = Hypothesis(Pose2(x, 0.0, 0.0), np.eye(3), 1)
+
+    assert known["near"] < known["far"] < 0.0
+    assert evidence_before(newcomer, hypotheses.values(), track, CONFIG) == known[evidence]

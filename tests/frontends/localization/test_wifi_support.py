@@ -44,6 +44,15 @@ def test_a_pose_turned_round_is_unlikely_where_the_heading_is_known() -> None:
     assert known.nats(Pose2(3.0, 4.0, 0.2 - 2 * math.pi + 0.1), 0) > -0.1
 
 
+def test_a_pose_off_a_place_that_is_known_well_is_unlikely() -> None:
+    at = Pose2(3.0, 4.0, 0.2)
+    sharp = WifiSupport([PlaceBelief(at, np.diag([0.35, 0.35, 0.01]), 1.0)], cloud(at, 0.35, 0.1))
+
+    assert sharp.nats(Pose2(3.4, 4.0, 0.2), 0) > -1.0
+    assert sharp.nats(Pose2(4.5, 4.0, 0.2), 0) < -3.0
+    assert sharp.nats(Pose2(5.3, 4.0, 0.2), 0) > -12.0  # WiFi errs beyond its belief at times
+
+
 def test_every_heading_is_about_as_likely_where_it_is_open() -> None:
     assert support(OPEN_RAD2).nats(Pose2(3.0, 4.0, 0.2 + math.pi), 0) > -1.5
 
@@ -81,7 +90,7 @@ def test_turns_on_the_spot_confirm_a_place_that_wifi_names_as_well(wifi: bool, t
     assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
 
 
-@pytest.mark.parametrize(("along_m", "confirmed"), [(3.5, False), (5.5, True)])
+@pytest.mark.parametrize(("along_m", "confirmed"), [(2.5, False), (3.5, True)])
 def test_between_walls_that_leave_the_place_open_a_longer_way_has_to_agree(along_m: float, confirmed: bool) -> None:
     at = Hypothesis(Pose2(3.0, 4.0, 0.2), np.diag([0.5, 1e-3, 1e-3]), 5, agreed=6, agreed_to_m=along_m)
     cluster = Cluster(at, 5, at.T_map_base, at.covariance, gain=10.0, rivals=0, proposed=1)
