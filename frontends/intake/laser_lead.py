@@ -3,9 +3,9 @@
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.cloud.cloud_odometry import CloudLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
-from wayfi.frontends.lidar.laser_odometry import LaserOdometry
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.measurements import NANOSECOND_S, PAUSE_NS, PointCloud, Sweep
+from wayfi.frontends.lidar.scan_odometry import Led, ScanOdometry
+from wayfi.frontends.measurements import PAUSE_NS, PointCloud, Sweep
 
 
 class LaserLead:
@@ -16,10 +16,8 @@ class LaserLead:
 
     def __init__(self, config: LidarConfig, scans: ScanIntake, second: Pose2 | None) -> None:
         self._scans = scans
-        self._planar = LaserOdometry(config)
+        self._planar = ScanOdometry(config, second.array() if second else None)
         self._spatial = CloudLead(config)
-        self._second = second
-        self._first_ns: int | None = None
         self._followed: tuple[str, int] | None = None  # the laser's stream, and the stamp of its newest sweep
 
     def follows(self, stamp_ns: int, sweep: Sweep) -> bool:
@@ -30,13 +28,8 @@ class LaserLead:
         self._followed = laser, stamp_ns
         return True
 
-    def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
-        """Match the next sweep; returns T_odom_base at `stamp_ns`, the sweep's."""
+    def match(self, stamp_ns: int, sweep: Sweep) -> Led:
+        """Match the next sweep; its pose is that at `stamp_ns`, the sweep's."""
         if isinstance(sweep, PointCloud):
-            return self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep))
-        if self._first_ns is None:
-            self._first_ns = stamp_ns
-        elif self._second is not None:
-            self._planar.expect(Pose2().interpolate(self._second, (stamp_ns - self._first_ns) * NANOSECOND_S))
-            self._second = None
-        return self._planar.match(self._scans.points(sweep))
+            return Led(self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep)))
+        return self._planar.match(stamp_ns, *self._scans.led(sweep, self._planar.velocity))

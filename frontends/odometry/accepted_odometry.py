@@ -95,9 +95,12 @@ class AcceptedOdometry:
             self.path.set_aside()
         self._stand_in_leads = True
 
-    def follow_laser(self, stamp_ns: int, T_odom_base: Pose2) -> Accepted:
-        """Add a pose by the laser, which leads, to the path; its stamp is later than the path's end."""
-        plausible = self.path.advance(stamp_ns, T_odom_base)
+    def follow_laser(self, stamp_ns: int, T_odom_base: Pose2, open_m2: float = 0.0, fits: bool = True) -> Accepted:
+        """Add a pose by the laser, which leads, to the path; its stamp is later than the path's end.
+
+        `open_m2` is the variance of the step to it that walls leave open; one that does not fit may be any.
+        """
+        plausible = self.path.advance(stamp_ns, T_odom_base, open_m2, fits)
         return Accepted(stamp_ns, self.path.latest, plausible=plausible, T_odom_base=T_odom_base)
 
     def tip(self) -> Self:

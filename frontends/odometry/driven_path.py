@@ -22,19 +22,22 @@ LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and 
 class PathPoint(NamedTuple):
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
-    `discontinuities` counts the restarts of the odometry of which the motion is unknown.
+    `discontinuities` counts the restarts of the odometry of which the motion is unknown. `open_m2` only grows too: by
+    the variance of steps that the laser led, of what the walls left open.
     """
 
     stamp_ns: int
     T_path_base: Pose2
     path_m: float
     discontinuities: int = 0
+    open_m2: float = 0.0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """The wheels' motion from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * NANOSECOND_S, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
-        return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
+        discontinuities, open_m2 = later.discontinuities - self.discontinuities, later.open_m2 - self.open_m2
+        return WheelMotion(pose, path_m, seconds, discontinuities, open_m2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +112,11 @@ class DrivenPath:
         copy._aside, copy._regains = self._aside, self._regains
         return copy
 
-    def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
-        """Add a pose; False if the step was not plausible and was taken as no motion."""
+    def advance(self, stamp_ns: int, T_odom_base: Pose2, open_m2: float = 0.0, fits: bool = True) -> bool:
+        """Add a pose; False if the step was not plausible and was taken as no motion.
+
+        Of a step that the laser led, `open_m2` is the variance that walls left open; one that does not fit is unknown.
+        """
         if self._regains:
             self._regain(stamp_ns, T_odom_base)
         last = self.latest
@@ -126,8 +132,9 @@ class DrivenPath:
                 self.leapt_m, self.leapt_rad = math.hypot(step.x, step.y), abs(step.theta)
                 plausible, step = False, Pose2()
                 discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
+            discontinuities += not fits
             path_m = last.path_m + math.hypot(step.x, step.y)
-            point = PathPoint(stamp_ns, last.T_path_base @ step, path_m, discontinuities)
+            point = PathPoint(stamp_ns, last.T_path_base @ step, path_m, discontinuities, last.open_m2 + open_m2)
         self._raw, self._restarts, self._was_away = T_odom_base, False, False
         self._points.append(point)
         kept_ns = int(self._config.path_s * SECOND_NS)
@@ -151,7 +158,7 @@ class DrivenPath:
         since = Pose2().interpolate(motion, fraction)
         T_path_base = aside.point.T_path_base @ since
         path_m = last.path_m + last.T_path_base.distance(T_path_base)
-        self._points.append(PathPoint(last.stamp_ns + 1, T_path_base, path_m, last.discontinuities))
+        self._points.append(PathPoint(last.stamp_ns + 1, T_path_base, path_m, last.discontinuities, last.open_m2))
         self._raw = aside.raw @ since
 
     def _counted(self, aside: _SetAside, motion: Pose2, stamp_ns: int) -> bool:
@@ -243,7 +250,8 @@ class DrivenPath:
         fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
-        return PathPoint(stamp_ns, pose, path_m, before.discontinuities)
+        open_m2 = before.open_m2 + fraction * (after.open_m2 - before.open_m2)
+        return PathPoint(stamp_ns, pose, path_m, before.discontinuities, open_m2)
 
 
 def _is_origin(T_odom_base: Pose2) -> bool:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from clouds import HALL as SPATIAL_HALL
 from clouds import cloud_at
-from rooms import HALL
+from rooms import CORRIDOR, HALL
 
-from wayfi.backend.pose2 import Pose2
+from wayfi.backend.graph.health import State
+from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.frontends.events import StateChanged
 from wayfi.frontends.measurements import SECOND_NS, LaserScan, StaticTransforms, Sweep, Transform
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.slam_config import SlamConfig
@@ -50,3 +52,19 @@ def test_a_drive_that_the_laser_leads_is_followed_and_goes_on_after_pickling(
     np.testing.assert_allclose(resumed, whole, atol=0.005)
     driven_m = Pose2.of(whole[0]).distance(Pose2.of(whole[-1]))
     assert driven_m == pytest.approx(STEP.distance(pose), abs=0.1)
+
+
+def states_of(faces: Floats) -> set[State]:
+    """The states of ten seconds that the laser leads among `faces`, at 0.5 m/s."""
+    drive, states = Pipeline(SlamConfig()), set()
+    for number in range(100):
+        pose = Pose2(-4.0 + 0.05 * number, -0.5, 0.0)
+        seen = ranges(still(faces), pose.array()[None], np.zeros(1))[0].astype(np.float32)
+        scan = LaserScan(number * SECOND_NS // 10, "base_link", seen, ANGLE_MIN, ANGLE_INCREMENT, 0.05, 30.0)
+        states |= {event.state for event in drive.process(scan) if isinstance(event, StateChanged)}
+    return states
+
+
+def test_a_laser_that_leads_along_a_bare_corridor_does_not_claim_to_know_where_it_is() -> None:
+    assert states_of(CORRIDOR) == {State.TRACKING, State.UNCERTAIN}
+    assert states_of(HALL) == {State.TRACKING}
