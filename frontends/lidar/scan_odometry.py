@@ -18,20 +18,17 @@ from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
 from wayfi.frontends.lidar.scan_matching import constrained_directions, merge_submap
 from wayfi.frontends.measurements import NANOSECOND_S
+from wayfi.frontends.odometry.driven_path import LedStep
 from wayfi.frontends.scan_points import ScanPoints
 
 APART_M, APART_RAD = 0.3, 0.3  # between the scans of the submap: ICP's gate begins at 0.8 m
 
 
 class Led(NamedTuple):
-    """The pose `T_odom_base` that a sweep leads to, and the variance `open_m2` of the step that walls leave open.
-
-    `fits`: the sweep fits there; otherwise the step is a guess.
-    """
+    """The pose `T_odom_base` that a sweep leads to, and what is known of the step."""
 
     T_odom_base: Pose2
-    open_m2: float = 0.0
-    fits: bool = True
+    step: LedStep = LedStep()
 
 
 class ScanOdometry:
@@ -68,7 +65,7 @@ class ScanOdometry:
         if not fits:
             self._scans.clear()
         self._extend(scan)
-        return Led(T, self._grown_m2(seconds, is_open), fits)
+        return Led(T, LedStep(self._grown_m2(seconds, is_open), fits))
 
     def _kiss_step(self, points: Floats, seconds: float) -> Pose2:
         """The step by KISS-ICP, which is led to expect the present velocity."""

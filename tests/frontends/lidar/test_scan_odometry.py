@@ -40,8 +40,8 @@ def test_in_a_bare_corridor_it_goes_on_as_before_and_says_that_it_does_not_see()
     led = followed(ScanOdometry(CONFIG), seen)
     off_m = abs(led[-1].T_odom_base.x - 299 * STEP.x)
     assert off_m < 1.5
-    assert all(step.fits for step in led)
-    assert math.sqrt(sum(step.open_m2 for step in led)) > max(off_m, 1.0)
+    assert all(step.step.fits for step in led)
+    assert math.sqrt(sum(step.step.open_m2 for step in led)) > max(off_m, 1.0)
     points_alone = LaserOdometry(CONFIG)
     assert 299 * STEP.x - [points_alone.match(s.points) for s in seen][-1].x > 5.0
 
@@ -51,8 +51,8 @@ def test_where_walls_fix_the_pose_nothing_is_open() -> None:
     led, true = followed(ScanOdometry(CONFIG), scans(HALL, Pose2(-4.0, -2.0, 0.0), 40, step)), Pose2()
     for found in led:
         assert found.T_odom_base.distance(true) < 0.05
-        assert found.fits
-        assert found.open_m2 == 0.0
+        assert found.step.fits
+        assert found.step.open_m2 == 0.0
         true = true @ step
 
 
@@ -61,13 +61,13 @@ def test_a_turn_that_begins_between_two_slow_scans_is_searched_for() -> None:
     (still, turned), odometry = scans(HALL, Pose2(), 2, turn), ScanOdometry(CONFIG)
     odometry.match(0, still.points, still)
     led = odometry.match(SECOND_NS // 2, turned.points, turned)
-    assert led.fits
+    assert led.step.fits
     assert led.T_odom_base.theta == pytest.approx(turn.theta, abs=0.01)
 
 
 def test_the_longer_walls_leave_a_direction_open_the_faster_its_variance_grows() -> None:
     led = followed(ScanOdometry(CONFIG, np.array([0.6, 0.0, 0.0])), scans(CORRIDOR, Pose2(), 41))
-    sigmas = np.sqrt(np.cumsum([step.open_m2 for step in led]))
+    sigmas = np.sqrt(np.cumsum([step.step.open_m2 for step in led]))
     assert sigmas[[20, 40]] == pytest.approx([2.0 * CONFIG.lead.open_m_s, 4.0 * CONFIG.lead.open_m_s])
     assert led[-1].T_odom_base.x == pytest.approx(40 * STEP.x, abs=0.1)
 
@@ -78,12 +78,12 @@ def test_a_sweep_of_few_points_does_not_fit_and_the_next_one_begins_anew(few: in
     followed(odometry, seen[:4])
     blind = ScanPoints(seen[4].points[:few], seen[4].normals[:few], Pose2())
     led = odometry.match(SECOND_NS // 2, blind.points, blind)
-    assert not led.fits
-    assert led.open_m2 > 0.0
+    assert not led.step.fits
+    assert led.step.open_m2 > 0.0
 
 
 def test_a_sweep_of_another_room_does_not_fit() -> None:
     odometry = ScanOdometry(CONFIG)
     followed(odometry, scans(HALL, Pose2(), 4, Pose2()))
     (elsewhere,) = scans(TWO_FOLD, Pose2(3.2, 2.4, 2.0), 1)
-    assert not odometry.match(SECOND_NS // 2, elsewhere.points, elsewhere).fits
+    assert not odometry.match(SECOND_NS // 2, elsewhere.points, elsewhere).step.fits

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.keyframes import keyframe_due
-from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.driven_path import DrivenPath, LedStep
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
@@ -189,7 +189,7 @@ def test_headings_of_many_moments_are_those_of_each_to_the_last_bit() -> None:
 def test_what_a_laser_that_leads_left_open_adds_up_and_loosens_the_motion() -> None:
     path = DrivenPath(CONFIG)
     for k, open_m2 in enumerate([0.0, 0.1, 0.2]):
-        path.advance(k * S, Pose2(0.1 * k, 0.0, 0.0), open_m2)
+        path.advance(k * S, Pose2(0.1 * k, 0.0, 0.0), LedStep(open_m2))
     begin, middle, end = (path.at(stamp_ns) for stamp_ns in (0, S // 2, 2 * S))
     assert begin
     assert middle
@@ -205,7 +205,7 @@ def test_what_a_laser_that_leads_left_open_adds_up_and_loosens_the_motion() -> N
 def test_a_step_of_the_laser_that_does_not_fit_may_be_any() -> None:
     path = DrivenPath(CONFIG)
     path.advance(0, Pose2())
-    assert path.advance(S, Pose2(0.1, 0.0, 0.0), 0.25, fits=False)
+    assert path.advance(S, Pose2(0.1, 0.0, 0.0), LedStep(0.25, fits=False))
     begin, end = path.at(0), path.latest
     assert begin
     assert end
