@@ -5,17 +5,22 @@ from wayfi.frontends.cloud.cloud_odometry import CloudLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.scan_odometry import Led, ScanOdometry
-from wayfi.frontends.measurements import PAUSE_NS, PointCloud, Sweep
+from wayfi.frontends.measurements import NANOSECOND_S, PAUSE_NS, PointCloud, Sweep
 
 
 class LaserLead:
     """Matches the sweeps of one laser in their order; the frame of its poses drifts.
 
-    `second` is the motion of the last second before, if it is known: a planar laser's first step is looked for there.
+    `last_ns` is where the path ends, and `second` the motion of the last second before, if they are known: a planar
+    laser's first step is looked for there.
     """
 
-    def __init__(self, config: LidarConfig, scans: ScanIntake, second: Pose2 | None) -> None:
+    def __init__(
+        self, config: LidarConfig, scans: ScanIntake, last_ns: int | None = None, second: Pose2 | None = None
+    ) -> None:
         self._scans = scans
+        self._longest_gap_s = config.lead.longest_gap_s
+        self._last_ns = last_ns
         self._planar = ScanOdometry(config, second.array() if second else None)
         self._spatial = CloudLead(config)
         self._followed: tuple[str, int] | None = None  # the laser's stream, and the stamp of its newest sweep
@@ -30,6 +35,10 @@ class LaserLead:
 
     def match(self, stamp_ns: int, sweep: Sweep) -> Led:
         """Match the next sweep; its pose is that at `stamp_ns`, the sweep's."""
+        seconds = (stamp_ns - self._last_ns) * NANOSECOND_S if self._last_ns is not None else 0.0
+        self._last_ns = stamp_ns
         if isinstance(sweep, PointCloud):
-            return Led(self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep)))
-        return self._planar.match(stamp_ns, *self._scans.led(sweep, self._planar.velocity))
+            led = Led(self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep)))
+        else:
+            led = self._planar.match(stamp_ns, *self._scans.led(sweep, self._planar.velocity))
+        return led._replace(step=led.step._replace(blind=seconds > self._longest_gap_s))

@@ -57,16 +57,20 @@ class StandIns:
         """Let the laser lead, if it does not yet."""
         if self.laser_leads:
             return
-        second = self._odometry.path.newest_second()
-        self._laser, self.transforms_lead = LaserLead(self._config, self._scans, second), False
+        second, last_ns = self._odometry.path.newest_second(), self._last_ns()
+        self._laser, self.transforms_lead = LaserLead(self._config, self._scans, last_ns, second), False
         self._odometry.begin_stand_in()
         yield Warned(stamp_ns, "no odometry: the laser leads")
 
     def begin_laser_anew(self) -> None:
         """Join the next sweep without motion, if the laser leads: what it has seen so far lies elsewhere."""
         if self.laser_leads:
-            self._laser = LaserLead(self._config, self._scans, None)
+            self._laser = LaserLead(self._config, self._scans, self._last_ns())
             self._odometry.path.restart()
+
+    def _last_ns(self) -> int | None:
+        latest = self._odometry.path.latest
+        return latest.stamp_ns if latest else None
 
     def begin_transforms(self, stamp_ns: int) -> Iterator[Event]:
         """Let /tf lead, if it does not yet."""

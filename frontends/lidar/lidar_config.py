@@ -53,6 +53,9 @@ class RelocationConfig:
     min_inlier_ratio: float = option(0.85, "", "with a free choice of the pose a mirrored hall fitted to 0.82")
     max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     max_seen_through: float = option(0.15, "", "of the walls in view; sound matches had 0.01 to 0.15")
+    unseen: float = option(
+        0.7, "", "likelihood of a point where the map saw nothing: somewhat less than that of one that fits"
+    )
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,8 @@ class ScanOdometry:
         first = self._stamp_ns is None
         seconds = 0.0 if self._stamp_ns is None else (stamp_ns - self._stamp_ns) * NANOSECOND_S
         self._stamp_ns = stamp_ns
-        if seconds > self._config.lead.longest_gap_s:
+        blind = seconds > self._config.lead.longest_gap_s
+        if blind:
             self.velocity = np.zeros(3)
         by_kiss = self._kiss_step(points, seconds)
         if first:
@@ -61,11 +62,11 @@ class ScanOdometry:
         expected, result = self._matched(scan, seconds, by_kiss)
         fits = result is not None and result.inlier_ratio >= self._config.min_inlier_ratio
         T, is_open = self._along_walls(expected, result) if result and fits else (self._T @ by_kiss, True)
-        self.velocity, self._T = self._T.between(T).array() / seconds, T
-        if not fits:
+        self.velocity, self._T = np.zeros(3) if blind else self._T.between(T).array() / seconds, T
+        if blind or not fits:
             self._scans.clear()
         self._extend(scan)
-        return Led(T, LedStep(self._grown_m2(seconds, is_open), fits))
+        return Led(T, LedStep(self._grown_m2(seconds, is_open or blind), fits))
 
     def _kiss_step(self, points: Floats, seconds: float) -> Pose2:
         """The step by KISS-ICP, which is led to expect the present velocity."""

@@ -22,18 +22,21 @@ LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and 
 class LedStep(NamedTuple):
     """What a laser that leads knows of a step: the variance `open_m2` of the place that walls leave open.
 
-    Where the sweep does not fit (`fits`) the step may be any.
+    Where the sweep does not fit (`fits`) the step may be any; and where the laser was silent for long before (`blind`)
+    even one that fits.
     """
 
     open_m2: float = 0.0
     fits: bool = True
+    blind: bool = False
 
 
 class PathPoint(NamedTuple):
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
-    `discontinuities` counts the restarts of the odometry of which the motion is unknown. `led_s` and `open_m2` only
-    grow too: by the time of steps that the laser led, and by the variance of what the walls left open of them.
+    `discontinuities` counts the restarts of the odometry of which the motion is unknown. `led_s`, `open_m2`, `blind_s`
+    only grow too: by the time of steps that the laser led, the variance of what the walls left open of them, and the
+    time of those that are `blind`.
     """
 
     stamp_ns: int
@@ -42,13 +45,14 @@ class PathPoint(NamedTuple):
     discontinuities: int = 0
     open_m2: float = 0.0
     led_s: float = 0.0
+    blind_s: float = 0.0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """The wheels' motion from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * NANOSECOND_S, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
         discontinuities, open_m2 = later.discontinuities - self.discontinuities, later.open_m2 - self.open_m2
-        return WheelMotion(pose, path_m, seconds, discontinuities, open_m2, later.led_s - self.led_s)
+        return WheelMotion(pose, path_m, seconds, discontinuities, open_m2, later.blind_s - self.blind_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +144,10 @@ class DrivenPath:
                 self.leapt_m, self.leapt_rad = math.hypot(step.x, step.y), abs(step.theta)
                 plausible, step = False, Pose2()
                 discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
-            discontinuities += led is not None and not led.fits
+            led_s, led = (seconds, led) if led else (0.0, LedStep())
+            discontinuities += not led.fits or led.blind
             T_path_base, path_m = last.T_path_base @ step, last.path_m + math.hypot(step.x, step.y)
-            open_m2, led_s = (led.open_m2, seconds) if led else (0.0, 0.0)
-            grown = last.open_m2 + open_m2, last.led_s + led_s
+            grown = last.open_m2 + led.open_m2, last.led_s + led_s, last.blind_s + seconds * led.blind
             point = PathPoint(stamp_ns, T_path_base, path_m, discontinuities, *grown)
         self._raw, self._restarts, self._was_away = T_odom_base, False, False
         self._points.append(point)
@@ -262,7 +266,7 @@ class DrivenPath:
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
         open_m2 = before.open_m2 + fraction * (after.open_m2 - before.open_m2)
         led_s = before.led_s + fraction * (after.led_s - before.led_s)
-        return PathPoint(stamp_ns, pose, path_m, before.discontinuities, open_m2, led_s)
+        return PathPoint(stamp_ns, pose, path_m, before.discontinuities, open_m2, led_s, before.blind_s)
 
 
 def _is_origin(T_odom_base: Pose2) -> bool:

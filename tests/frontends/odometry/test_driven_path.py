@@ -210,3 +210,18 @@ def test_a_step_of_the_laser_that_does_not_fit_may_be_any() -> None:
     assert begin
     assert end
     assert begin.motion_to(end).discontinuities == 1
+
+
+def test_a_step_of_a_laser_that_was_silent_may_be_any_and_its_time_is_kept() -> None:
+    path = DrivenPath(CONFIG)
+    path.advance(0, Pose2(), LedStep())
+    path.advance(2 * S, Pose2(0.1, 0.0, 0.0), LedStep(blind=True))
+    path.advance(3 * S, Pose2(0.2, 0.0, 0.0), LedStep())
+    begin, middle, end = path.at(0), path.at(2 * S), path.latest
+    assert begin
+    assert middle
+    assert end
+    assert begin.motion_to(end).blind_s == 2.0
+    assert begin.motion_to(end).discontinuities == 1
+    assert middle.motion_to(end).blind_s == 0.0
+    assert end.led_s == 3.0
