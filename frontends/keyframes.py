@@ -182,7 +182,7 @@ class Keyframes:
 
 def keyframe_due(motion: WheelMotion, config: OdometryConfig, factor: float = 1.0) -> bool:
     """Whether a new keyframe is due after `motion` since the last one; `factor` multiplies the limits."""
-    if motion.discontinuities:
+    if motion.discontinuities or motion.open_m2 >= config.keyframe_distance_m**2:
         return True
     turned = abs(motion.pose.theta)
     if motion.path_m >= factor * config.keyframe_distance_m or turned >= factor * config.keyframe_turn_rad:

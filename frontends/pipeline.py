@@ -217,7 +217,7 @@ class Pipeline:
         for scan_ns, scan in self._scans.queue.waiting():
             latest, leads = self._path.latest, self._stand_ins.follow(scan_ns, scan)
             if leads and (latest is None or scan_ns > latest.stamp_ns):
-                yield from self._follow(self._odometry.follow_laser(scan_ns, self._stand_ins.match(scan_ns, scan)))
+                yield from self._follow(self._odometry.follow_laser(scan_ns, *self._stand_ins.match(scan_ns, scan)))
 
     def _use_last_scans(self, waiting: list[tuple[int, Sweep]]) -> Iterator[Event]:
         """At the end: the last scans drive where the laser leads, or odometry never came; else they are dropped."""

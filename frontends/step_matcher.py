@@ -53,7 +53,7 @@ class StepMatcher:
 
         The wheels put it at `guess`, after `motion` from the last of `poses` (n, 3). None without a submap.
         """
-        if placed.band is not None:
+        if placed.band is not None and motion.blind_s == 0.0:
             tracked = self._clouds.match(placed.band, number, guess, self._tracker.wheel_covariance(motion))
             if tracked and self.accepts(tracked):
                 self._tracker.update_scale(motion, guess, tracked.match)

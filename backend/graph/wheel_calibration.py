@@ -38,12 +38,16 @@ class WheelMotion(NamedTuple):
     """Wheel odometry between two moments: the pose of the later in the earlier, the path (m) and the time (s).
 
     `discontinuities` counts where the odometry began anew in between: the robot may have been moved by any amount.
+    Where a laser led in place of wheels, `open_m2` is the variance of x and y of what it could not see, and `blind_s`
+    the time in which it was silent as well.
     """
 
     pose: Pose2
     path_m: float
     seconds: float
     discontinuities: int = 0
+    open_m2: float = 0.0
+    blind_s: float = 0.0
 
     def corrected(self, calibration: Floats) -> Pose2:
         """The motion of the robot, whose wheels have `calibration` (4,)."""

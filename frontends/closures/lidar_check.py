@@ -12,11 +12,13 @@ from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.lidar.relocation import any_heading
+from wayfi.frontends.lidar.point_index import PointIndex
+from wayfi.frontends.lidar.relocation import Sight, any_heading, has_rival
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.lidar.visibility import VisibilityConfig, agreement, seen_through_share
 from wayfi.frontends.scan_points import ScanPoints
 
+RIVAL = "another place that is not mapped may look the same, and the estimate does not tell them apart"
 OPEN_ALONG = "the walls leave the pose open along them"
 MIN_SCORE = 1e-9  # of the best pose: keeps the ratio finite where nothing scores
 
@@ -101,6 +103,7 @@ def check(
         unfit
         or ("ICP left the peak that the search found" if left_peak else "")
         or _refused_pose(expected, result.T_target_scan, covariance, config)
+        or _refused_rival(scan, submap, Sight(submap_scans, submap_poses), expected, result, config, lidar)
     )
     walls_agree = unfit == OPEN_ALONG and not _refused_pose(expected, result.T_target_scan, covariance, config)
     return CheckResult(
@@ -161,6 +164,20 @@ def _refused_pose(expected: Expected, T_a_b: Pose2, covariance: Floats, config: 
     """Why the measured pose contradicts the estimate; empty if it does not."""
     chi2 = innovation_chi2(expected, T_a_b, covariance)
     return f"contradicts the estimate: chi2 {chi2:.1f} over {config.gate_chi2}" if chi2 > config.gate_chi2 else ""
+
+
+def _refused_rival(
+    scan: ScanPoints,
+    submap: PointIndex,
+    sight: Sight,
+    expected: Expected,
+    result: IcpResult,
+    config: ClosureConfig,
+    lidar: LidarConfig,
+) -> str:
+    """Why a scan that fits may be from elsewhere, where the estimate allows more than the window that was searched."""
+    wide = config.gate_chi2**0.5 * position_sigma(expected.covariance) > config.max_window_m
+    return RIVAL if wide and has_rival(scan, submap, sight, result.T_target_scan, lidar) else ""
 
 
 def update_by_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_m: float) -> tuple[Expected, float]:

@@ -4,7 +4,7 @@ A good fit alone confirms nothing, for buildings repeat. One scan is compared wi
 one of them alone, a second scan, taken some path later, has to be found where the first one puts it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.keyframes import Keyframes
 from wayfi.frontends.lidar.lidar_config import LidarConfig
-from wayfi.frontends.lidar.relocation import WideFit, search_widely
+from wayfi.frontends.lidar.relocation import Sight, WideFit, has_rival, search_widely
 from wayfi.frontends.lidar.scan_matching import match_covariance, merge_submap
 from wayfi.frontends.lidar.visibility import seen_through_share
 
@@ -127,6 +127,8 @@ class LostRobotSearch:
             return None
         if seen_through_share(scan, submap.points, T, self._lidar.visibility) > bounds.max_seen_through:
             return None
+        if fit.alone and has_rival(scan, submap, Sight(scans, placed), T, self._lidar):
+            fit = replace(fit, alone=False)
         return Found(a, b, fit, self._covariance(fit), submap.points)
 
     def _covariance(self, fit: WideFit) -> Floats:

@@ -3,23 +3,26 @@
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.cloud.cloud_odometry import CloudLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
-from wayfi.frontends.lidar.laser_odometry import LaserOdometry
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.scan_odometry import Led, ScanOdometry
 from wayfi.frontends.measurements import NANOSECOND_S, PAUSE_NS, PointCloud, Sweep
 
 
 class LaserLead:
     """Matches the sweeps of one laser in their order; the frame of its poses drifts.
 
-    `second` is the motion of the last second before, if it is known: a planar laser's first step is looked for there.
+    `last_ns` is where the path ends, and `second` the motion of the last second before, if they are known: a planar
+    laser's first step is looked for there.
     """
 
-    def __init__(self, config: LidarConfig, scans: ScanIntake, second: Pose2 | None) -> None:
+    def __init__(
+        self, config: LidarConfig, scans: ScanIntake, last_ns: int | None = None, second: Pose2 | None = None
+    ) -> None:
         self._scans = scans
-        self._planar = LaserOdometry(config)
+        self._longest_gap_s = config.lead.longest_gap_s
+        self._last_ns = last_ns
+        self._planar = ScanOdometry(config, second.array() if second else None)
         self._spatial = CloudLead(config)
-        self._second = second
-        self._first_ns: int | None = None
         self._followed: tuple[str, int] | None = None  # the laser's stream, and the stamp of its newest sweep
 
     def follows(self, stamp_ns: int, sweep: Sweep) -> bool:
@@ -30,13 +33,12 @@ class LaserLead:
         self._followed = laser, stamp_ns
         return True
 
-    def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
-        """Match the next sweep; returns T_odom_base at `stamp_ns`, the sweep's."""
+    def match(self, stamp_ns: int, sweep: Sweep) -> Led:
+        """Match the next sweep; its pose is that at `stamp_ns`, the sweep's."""
+        seconds = (stamp_ns - self._last_ns) * NANOSECOND_S if self._last_ns is not None else 0.0
+        self._last_ns = stamp_ns
         if isinstance(sweep, PointCloud):
-            return self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep))
-        if self._first_ns is None:
-            self._first_ns = stamp_ns
-        elif self._second is not None:
-            self._planar.expect(Pose2().interpolate(self._second, (stamp_ns - self._first_ns) * NANOSECOND_S))
-            self._second = None
-        return self._planar.match(self._scans.points(sweep))
+            led = Led(self._spatial.match(stamp_ns, *self._scans.clouds.band(sweep)))
+        else:
+            led = self._planar.match(stamp_ns, *self._scans.led(sweep, self._planar.velocity))
+        return led._replace(step=led.step._replace(blind=seconds > self._longest_gap_s))

@@ -19,6 +19,7 @@ from wayfi.frontends.lasers.laser import Laser, Lasers
 from wayfi.frontends.lidar.laser_points import beam_points, scan_from_points, sees_anything, to_base
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.measurements import (
+    NANOSECOND_S,
     SECOND_NS,
     LaserScan,
     PointCloud,
@@ -29,7 +30,7 @@ from wayfi.frontends.measurements import (
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.timebase import TimeBase
-from wayfi.frontends.scan_points import PlacedScan, joined, moved
+from wayfi.frontends.scan_points import PlacedScan, ScanPoints, joined, moved
 
 MOUNT_WAIT_SHARE = 0.5  # of the wait for odometry: /tf_static is latched, and comes at once where it is sent
 
@@ -132,9 +133,16 @@ class ScanIntake:
         """Add `seconds` to the stamps of the sweeps from here on."""
         self._shift_ns += round(seconds * SECOND_NS)
 
-    def points(self, scan: LaserScan) -> Floats:
-        """(n, 2) points of a scan in base_link, m, as of one instant."""
-        return to_base(beam_points(scan, self._config.max_range_m)[1], self.mounts.of(scan.frame_id), None)
+    def led(self, scan: LaserScan, velocity: Floats) -> tuple[Floats, ScanPoints]:
+        """(n, 2) points of a scan in base_link at its stamp, m, if its laser moves with `velocity`; also with normals.
+
+        `velocity` (3,) is in m/s and rad/s of base_link.
+        """
+        beams, points = beam_points(scan, self._config.max_range_m)
+        mount = self.mounts.of(scan.frame_id)
+        share = beams / max(len(scan.ranges), 1)
+        points = to_base(points, mount, share[:, None] * velocity * (sweep_ns(scan) * NANOSECOND_S))
+        return points, scan_from_points(points, mount.planar, self._config)
 
     def place(self, sweeps: SweepSet, path: DrivenPath) -> PlacedScan | None:
         """The points of all sweeps in base_link at the newest; None if no beam returned."""

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import Event, Warned
 from wayfi.frontends.intake.laser_lead import LaserLead
 from wayfi.frontends.intake.scan_intake import ScanIntake
 from wayfi.frontends.lidar.lidar_config import LidarConfig
+from wayfi.frontends.lidar.scan_odometry import Led
 from wayfi.frontends.measurements import MovingTransforms, Sweep
 from wayfi.frontends.odometry.accepted_odometry import AcceptedOdometry
 from wayfi.frontends.odometry.transform_odometry import TransformOdometry
@@ -48,8 +48,8 @@ class StandIns:
         patience_ns = (LATE_MESSAGES if messages_led else 1) * self._lead_after_ns
         return self.transforms_lead or self.transforms.waited_ns > patience_ns
 
-    def match(self, stamp_ns: int, sweep: Sweep) -> Pose2:
-        """Match the next sweep with the laser that leads; returns T_odom_base at `stamp_ns`, the sweep's."""
+    def match(self, stamp_ns: int, sweep: Sweep) -> Led:
+        """Match the next sweep with the laser that leads; its pose is that at `stamp_ns`, the sweep's."""
         assert self._laser is not None
         return self._laser.match(stamp_ns, sweep)
 
@@ -57,16 +57,20 @@ class StandIns:
         """Let the laser lead, if it does not yet."""
         if self.laser_leads:
             return
-        second = self._odometry.path.newest_second()
-        self._laser, self.transforms_lead = LaserLead(self._config, self._scans, second), False
+        second, last_ns = self._odometry.path.newest_second(), self._last_ns()
+        self._laser, self.transforms_lead = LaserLead(self._config, self._scans, last_ns, second), False
         self._odometry.begin_stand_in()
         yield Warned(stamp_ns, "no odometry: the laser leads")
 
     def begin_laser_anew(self) -> None:
         """Join the next sweep without motion, if the laser leads: what it has seen so far lies elsewhere."""
         if self.laser_leads:
-            self._laser = LaserLead(self._config, self._scans, None)
+            self._laser = LaserLead(self._config, self._scans, self._last_ns())
             self._odometry.path.restart()
+
+    def _last_ns(self) -> int | None:
+        latest = self._odometry.path.latest
+        return latest.stamp_ns if latest else None
 
     def begin_transforms(self, stamp_ns: int) -> Iterator[Event]:
         """Let /tf lead, if it does not yet."""

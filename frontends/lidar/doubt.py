@@ -1,7 +1,7 @@
 """Where laser and wheels disagree: what a step's scan says of the wheels, and how far the pose is in doubt for it."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -78,6 +78,12 @@ def misfit(motion: WheelMotion, config: DoubtConfig) -> StepJudged:
     sigma_m = config.moved_m + config.moved_m_s * motion.seconds
     covariance = np.diag([sigma_m**2, sigma_m**2, config.moved_rad**2])
     return StepJudged(Finding.MISFIT, "do not fit the map here: the robot was moved, or the wheels slipped", covariance)
+
+
+def blind(motion: WheelMotion, config: DoubtConfig) -> StepJudged:
+    """A scan after some time in which nothing told of the robot's motion, where it may be in several places."""
+    reason = f"fit nowhere for sure: for {motion.blind_s:.1f} s neither odometry nor scans came"
+    return replace(misfit(motion, config), reason=reason)
 
 
 def error(guess: Pose2, T: Pose2) -> Floats:

@@ -68,11 +68,14 @@ class LaserClock:
         return float(self._offsets_s[best] + vertex(*mean[best - 1 : best + 2]) * config.step_s)
 
     def _compare(self, from_ns: int, to_ns: int, turned_rad: float, path: DrivenPath) -> None:
-        """Note what the wheels say of a turn at each offset; nothing where the path is not kept that far back."""
+        """Note what the wheels say of a turn at each offset.
+
+        Nothing where the path is not kept that far back, or where the laser led, which agrees with itself as it is.
+        """
         moments_ns = np.concatenate([from_ns + self._shifts_ns, to_ns + self._shifts_ns])
-        begins, ends = np.split(path.headings_at(moments_ns), 2)
-        begin, end = path.at(from_ns), path.at(to_ns)
-        if begin is None or end is None or np.isnan(begins + ends).any():
+        earliest, begin, end, latest = (path.at(int(t)) for t in (moments_ns[0], from_ns, to_ns, moments_ns[-1]))
+        if earliest is None or begin is None or end is None or latest is None or latest.led_s > earliest.led_s:
             return
+        begins, ends = np.split(path.headings_at(moments_ns), 2)
         self._turns.append(Turn(turned_rad, wrap_all(ends - begins), end.path_m - begin.path_m))
         self._compared += 1

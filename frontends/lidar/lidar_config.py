@@ -53,6 +53,9 @@ class RelocationConfig:
     min_inlier_ratio: float = option(0.85, "", "with a free choice of the pose a mirrored hall fitted to 0.82")
     max_second_peak: float = option(0.85, "", "of the best score: nearer than this the place is ambiguous")
     max_seen_through: float = option(0.15, "", "of the walls in view; sound matches had 0.01 to 0.15")
+    unseen: float = option(
+        0.7, "", "likelihood of a point where the map saw nothing: somewhat less than that of one that fits"
+    )
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,16 @@ class CloudConfig:
 
 
 @dataclass(frozen=True)
+class LeadConfig:
+    """How planar scans lead where no odometry comes: at constant velocity, and what walls leave open."""
+
+    acceleration_m_s2: float = option(1.0, "m/s^2", "what a robot indoors brakes with")
+    acceleration_rad_s2: float = option(3.0, "rad/s^2", "as it starts to turn")
+    longest_gap_s: float = option(1.0, "s", "between scans: for so long a motion is assumed to go on as it was")
+    open_m_s: float = option(0.5, "m/s", "by which the speed may err along walls: robots start and stop there unseen")
+
+
+@dataclass(frozen=True)
 class LidarConfig:
     """Scans, the local submap, and when a scan match becomes a factor."""
 
@@ -158,6 +171,7 @@ class LidarConfig:
         0.5, "m", "KISS-ICP's, without wheels: 2 to 3 cm over 135 m in a hall; 1.0 drifts, 0.25 is slower and no better"
     )
     mount: list[float] = option([], "x m, y m, theta rad", "T_base_link_laser; empty: /tf_static gives it")
+    lead: LeadConfig = field(default_factory=LeadConfig)
     lines: LineConfig = field(default_factory=LineConfig)
     trust: WheelTrustConfig = field(default_factory=WheelTrustConfig)
     icp: IcpConfig = field(default_factory=IcpConfig)

@@ -14,6 +14,7 @@ from wayfi.frontends.lidar.doubt import (
     UNFIT,
     Finding,
     StepJudged,
+    blind,
     error,
     misfit,
     misses,
@@ -23,7 +24,7 @@ from wayfi.frontends.lidar.doubt import (
 from wayfi.frontends.lidar.icp import inlier_ratio
 from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.lidar.point_index import PointIndex
-from wayfi.frontends.lidar.relocation import relocate
+from wayfi.frontends.lidar.relocation import Sight, has_rival, relocate
 from wayfi.frontends.lidar.scan_matching import ScanMatch, SubmapRays, as_match, match_scan, merge_submap
 from wayfi.frontends.lidar.visibility import seen_through_share
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
@@ -95,6 +96,8 @@ class ScanTracker:
         submap = merge_submap(scans, placed, self._lidar.cell_m)
         if submap is None or len(scan.points) < self._lidar.min_points:
             return None
+        if motion.blind_s > 0.0:
+            return self._found_blind(scan, submap, Sight(scans, placed), motion, guess)
         poor = self.covariance_scale > self._trust.search_above
         search_below, rays = math.inf if poor else self._lidar.search_below, SubmapRays(scans, placed, not poor)
         covariance = self.wheel_covariance(motion)
@@ -105,6 +108,16 @@ class ScanTracker:
         if tracked.match.inlier_ratio < self._lidar.min_inlier_ratio:
             return replace(tracked, judged=self._refused(scan, tracked, motion, guess))
         return replace(tracked, judged=self._judge(scan, submap, motion, guess, tracked.match))
+
+    def _found_blind(
+        self, scan: ScanPoints, submap: PointIndex, sight: Sight, motion: WheelMotion, guess: Pose2
+    ) -> KeyframeMatch:
+        """The one place nearby that a scan fits, after a motion of which nothing told; refused if there is none."""
+        found = relocate(scan, submap, guess, self._lidar)
+        if found and not has_rival(scan, submap, sight, found.T_target_scan, self._lidar):
+            return KeyframeMatch(as_match(found, found.T_target_scan, self._lidar), submap.points, AGREES)
+        unknown = ScanMatch(guess, self.wheel_covariance(motion), 0.0, math.nan)
+        return KeyframeMatch(unknown, submap.points, blind(motion, self._lidar.doubt))
 
     def _doubted(self, scan: ScanPoints, submap: PointIndex, guess: Pose2, tracked: KeyframeMatch) -> KeyframeMatch:
         """A poor match, or what the wide search finds instead where the scan looks through the submap's walls."""

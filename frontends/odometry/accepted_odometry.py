@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.events import DropReason
 from wayfi.frontends.measurements import Odometry, Sensor
-from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
+from wayfi.frontends.odometry.driven_path import DrivenPath, LedStep, PathPoint
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.odometry_source import OdometrySource
 from wayfi.frontends.odometry.timebase import TimeBase
@@ -19,6 +19,7 @@ from wayfi.frontends.odometry.twist_odometry import ENDS, TwistOdometry
 from wayfi.frontends.odometry.unit_watch import UnitWatch
 
 FURTHEST_M = 1e8  # from the odometry's origin: further than any robot drives, and float64 still resolves 0.02 um
+SEEN = LedStep()
 HEADLESS_MESSAGES = 5  # in a row: a robot that drives, not a message that is broken
 HEADLESS = "the odometry's orientation is a quaternion of zeros: such messages are not used"
 
@@ -95,9 +96,9 @@ class AcceptedOdometry:
             self.path.set_aside()
         self._stand_in_leads = True
 
-    def follow_laser(self, stamp_ns: int, T_odom_base: Pose2) -> Accepted:
+    def follow_laser(self, stamp_ns: int, T_odom_base: Pose2, led: LedStep = SEEN) -> Accepted:
         """Add a pose by the laser, which leads, to the path; its stamp is later than the path's end."""
-        plausible = self.path.advance(stamp_ns, T_odom_base)
+        plausible = self.path.advance(stamp_ns, T_odom_base, led)
         return Accepted(stamp_ns, self.path.latest, plausible=plausible, T_odom_base=T_odom_base)
 
     def tip(self) -> Self:

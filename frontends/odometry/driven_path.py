@@ -19,22 +19,40 @@ ROUNDING = 1e-6  # m and rad
 LONGEST_S = 3600.0  # of a motion: clocks that are set leave gaps of years, and a gyroscope's bias grows with time
 
 
+class LedStep(NamedTuple):
+    """What a laser that leads knows of a step: the variance `open_m2` of the place that walls leave open.
+
+    Where the sweep does not fit (`fits`) the step may be any; and where the laser was silent for long before (`blind`)
+    even one that fits.
+    """
+
+    open_m2: float = 0.0
+    fits: bool = True
+    blind: bool = False
+
+
 class PathPoint(NamedTuple):
     """One odometry pose on the driven path: `T_path_base` joins increments, free of jumps; `path_m` only grows.
 
-    `discontinuities` counts the restarts of the odometry of which the motion is unknown.
+    `discontinuities` counts the restarts of the odometry of which the motion is unknown. `led_s`, `open_m2`, `blind_s`
+    only grow too: by the time of steps that the laser led, the variance of what the walls left open of them, and the
+    time of those that are `blind`.
     """
 
     stamp_ns: int
     T_path_base: Pose2
     path_m: float
     discontinuities: int = 0
+    open_m2: float = 0.0
+    led_s: float = 0.0
+    blind_s: float = 0.0
 
     def motion_to(self, later: "PathPoint") -> WheelMotion:
         """The wheels' motion from here to `later`."""
         seconds = min((later.stamp_ns - self.stamp_ns) * NANOSECOND_S, LONGEST_S)
         pose, path_m = self.T_path_base.between(later.T_path_base), later.path_m - self.path_m
-        return WheelMotion(pose, path_m, seconds, later.discontinuities - self.discontinuities)
+        discontinuities, open_m2 = later.discontinuities - self.discontinuities, later.open_m2 - self.open_m2
+        return WheelMotion(pose, path_m, seconds, discontinuities, open_m2, later.blind_s - self.blind_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +127,8 @@ class DrivenPath:
         copy._aside, copy._regains = self._aside, self._regains
         return copy
 
-    def advance(self, stamp_ns: int, T_odom_base: Pose2) -> bool:
-        """Add a pose; False if the step was not plausible and was taken as no motion."""
+    def advance(self, stamp_ns: int, T_odom_base: Pose2, led: LedStep | None = None) -> bool:
+        """Add a pose, of the wheels or `led` by the laser; False if the step was not plausible and counts as none."""
         if self._regains:
             self._regain(stamp_ns, T_odom_base)
         last = self.latest
@@ -126,8 +144,11 @@ class DrivenPath:
                 self.leapt_m, self.leapt_rad = math.hypot(step.x, step.y), abs(step.theta)
                 plausible, step = False, Pose2()
                 discontinuities += self._was_away or not restarted or seconds > self._config.restart_s
-            path_m = last.path_m + math.hypot(step.x, step.y)
-            point = PathPoint(stamp_ns, last.T_path_base @ step, path_m, discontinuities)
+            led_s, led = (seconds, led) if led else (0.0, LedStep())
+            discontinuities += not led.fits or led.blind
+            T_path_base, path_m = last.T_path_base @ step, last.path_m + math.hypot(step.x, step.y)
+            grown = last.open_m2 + led.open_m2, last.led_s + led_s, last.blind_s + seconds * led.blind
+            point = PathPoint(stamp_ns, T_path_base, path_m, discontinuities, *grown)
         self._raw, self._restarts, self._was_away = T_odom_base, False, False
         self._points.append(point)
         kept_ns = int(self._config.path_s * SECOND_NS)
@@ -151,7 +172,7 @@ class DrivenPath:
         since = Pose2().interpolate(motion, fraction)
         T_path_base = aside.point.T_path_base @ since
         path_m = last.path_m + last.T_path_base.distance(T_path_base)
-        self._points.append(PathPoint(last.stamp_ns + 1, T_path_base, path_m, last.discontinuities))
+        self._points.append(last._replace(stamp_ns=last.stamp_ns + 1, T_path_base=T_path_base, path_m=path_m))
         self._raw = aside.raw @ since
 
     def _counted(self, aside: _SetAside, motion: Pose2, stamp_ns: int) -> bool:
@@ -243,7 +264,9 @@ class DrivenPath:
         fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = before.T_path_base.interpolate(after.T_path_base, fraction)
         path_m = before.path_m + fraction * (after.path_m - before.path_m)
-        return PathPoint(stamp_ns, pose, path_m, before.discontinuities)
+        open_m2 = before.open_m2 + fraction * (after.open_m2 - before.open_m2)
+        led_s = before.led_s + fraction * (after.led_s - before.led_s)
+        return PathPoint(stamp_ns, pose, path_m, before.discontinuities, open_m2, led_s, before.blind_s)
 
 
 def _is_origin(T_odom_base: Pose2) -> bool:

@@ -23,11 +23,11 @@ def wheel_covariance(motion: WheelMotion, config: OdometryConfig, covariance_sca
     )
     x, y = motion.pose.x, motion.pose.y
     lever_x, lever_y = -0.5 * y, 0.5 * x
-    restarted_m2 = motion.discontinuities * config.sigma_restart_m**2
+    unknown_m2 = motion.discontinuities * config.sigma_restart_m**2 + motion.open_m2
     restarted_rad2 = motion.discontinuities * config.sigma_restart_rad**2
-    xx = covariance_scale * (var_xy + var_theta * (lever_x * lever_x)) + restarted_m2
+    xx = covariance_scale * (var_xy + var_theta * (lever_x * lever_x)) + unknown_m2
     xy = covariance_scale * (var_theta * (lever_x * lever_y))
-    yy = covariance_scale * (var_xy + var_theta * (lever_y * lever_y)) + restarted_m2
+    yy = covariance_scale * (var_xy + var_theta * (lever_y * lever_y)) + unknown_m2
     xt, yt = covariance_scale * (var_theta * lever_x), covariance_scale * (var_theta * lever_y)
     tt = covariance_scale * var_theta + (LEAST_VARIANCE_RAD2 + restarted_rad2)
     return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

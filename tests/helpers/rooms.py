@@ -17,6 +17,22 @@ HALL = np.concatenate(
 )
 TWO_FOLD = np.concatenate([box(-4.0, -3.0, 4.0, 3.0), box(1.0, 1.0, 2.0, 1.5), box(-2.0, -1.5, -1.0, -1.0)])
 CORRIDOR = np.array([[-100.0, -1.2, 100.0, -1.2], [-100.0, 1.2, 100.0, 1.2]])
+DOOR_M, ROOM_M, ROOMS = 1.0, 4.0, 8
+
+
+def look_alike() -> Floats:
+    """(n, 4) ends of the walls of rooms side by side along a corridor, of which each looks as the next."""
+    end = ROOMS * ROOM_M
+    faces = [box(-2.0, 0.0, end + 2.0, 2.0)[[1, 2, 3]], [[-2.0, 0.0, 0.0, 0.0], [end, 0.0, end + 2.0, 0.0]]]
+    for x in ROOM_M * np.arange(ROOMS):
+        before, behind = x + 0.5 * (ROOM_M - DOOR_M), x + 0.5 * (ROOM_M + DOOR_M)
+        walls = box(x, -ROOM_M, x + ROOM_M, 0.0)
+        faces += [[wall for wall in walls if wall[1] != 0.0 or wall[3] != 0.0]]
+        faces += [[[x, 0.0, before, 0.0], [behind, 0.0, x + ROOM_M, 0.0]]]
+    return np.concatenate([np.asarray(some, np.float64) for some in faces])
+
+
+LOOK_ALIKE = look_alike()
 LIDAR = LidarConfig(thinning_m=0.08)
 
 
@@ -35,6 +51,13 @@ def see_ahead(faces: Floats, pose: Pose2, seed: int = 0) -> ScanPoints:
     scan = see(faces, pose, np.random.default_rng(seed))
     ahead = scan.points[:, 0] > 0.0
     return replace(scan, points=scan.points[ahead], normals=scan.normals[ahead])
+
+
+def see_near(faces: Floats, pose: Pose2, rng: np.random.Generator, reach_m: float) -> ScanPoints:
+    """What a 270 degree laser sees that reaches so far."""
+    scan = see(faces, pose, rng)
+    near = np.hypot(*scan.points.T) < reach_m
+    return replace(scan, points=scan.points[near], normals=scan.normals[near])
 
 
 def faces_at(surfaces: Surfaces, time_s: float) -> Floats:

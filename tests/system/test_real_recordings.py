@@ -46,7 +46,7 @@ WALLS_M2 = {
     "leg_three_lasers": 12.3,
 }
 SETTINGS = {"leg_three_lasers": ["recording.scan=/rear_scan"]}
-LED_BY_LASER = {"flat_calib3": 45}  # scans of the seconds before the first odometry and after the last
+LED_BY_LASER = {"flat_calib3": 46}  # scans of the seconds before the first odometry and after the last
 LONG = {"intel_wifi", "killian_part", "belgioioso", "seattle", "fr101", "fr079_raw", "wean2"}
 
 

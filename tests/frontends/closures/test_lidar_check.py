@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rooms import CORRIDOR, HALL, TWO_FOLD, see, see_ahead
+from rooms import CORRIDOR, HALL, LOOK_ALIKE, ROOM_M, TWO_FOLD, see, see_ahead, see_near
 from scipy.stats import chi2
 
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.closures.closure_config import ClosureConfig, OverlapConfig
 from wayfi.frontends.closures.lidar_check import (
     OPEN_ALONG,
+    RIVAL,
     CheckResult,
     Expected,
     check,
@@ -63,6 +64,20 @@ def test_a_place_seen_again_is_found_from_a_metre_off(seed: int) -> None:
     assert done.second_peak < CONFIG.max_second_peak
     assert (np.sqrt(np.diag(done.covariance))[:2] >= CONFIG.sigma_floor_m).all()
     assert innovation_chi2(Expected(done.T_a_b, done.covariance), T_a_b, 0 * WIDE) < 16.27
+
+
+@pytest.mark.parametrize(("sigma_m", "refused"), [(1.5, RIVAL), (0.5, "")])
+def test_a_room_that_looks_alike_is_not_confirmed_where_the_estimate_allows_the_one_next_door(
+    sigma_m: float, refused: str
+) -> None:
+    rng, start, ways = np.random.default_rng(0), Pose2(6.0, 1.0, 0.0), [Pose2(0.5 * k, 0.0, 0.0) for k in range(-3, 4)]
+    scans, poses = [see_near(LOOK_ALIKE, start @ way, rng, 6.0) for way in ways], np.array([w.array() for w in ways])
+    next_door = see_near(LOOK_ALIKE, start @ Pose2(ROOM_M, 0.0, 0.0), rng, 6.0)
+    expected = Expected(Pose2(0.3, 0.0, 0.0), np.diag([sigma_m**2, sigma_m**2, 0.05**2]))
+    done = check(next_door, scans, poses, expected, CONFIG, LIDAR)
+    assert done is not None
+    assert done.T_a_b.distance(Pose2()) < 0.05
+    assert done.refused == refused
 
 
 def test_another_room_is_refused_for_its_walls() -> None:

@@ -8,7 +8,7 @@ import pytest
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.lidar.laser_clock import LaserClock
 from wayfi.frontends.lidar.lidar_config import LaserClockConfig
-from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.driven_path import DrivenPath, LedStep
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
 S = 1_000_000_000
@@ -20,13 +20,20 @@ def heading(t_s: float) -> float:
     return sum(math.pi / 4 * (1 + math.tanh(t_s - turn_s)) for turn_s in (10, 22, 45, 51, 80, 97, 130, 144, 171, 200))
 
 
-def found(laser_late_s: float, turn_scale: float = 1.0, noise_rad: float = 0.01, turns: bool = True) -> list[float]:
-    """What the clock finds when the laser's stamps say `laser_late_s` more than the odometry's."""
+def found(
+    laser_late_s: float, turn_scale: float = 1.0, noise_rad: float = 0.01, turns: bool = True, led_s: float = 0.0
+) -> list[float]:
+    """What the clock finds when the laser's stamps say `laser_late_s` more than the odometry's.
+
+    At first the laser leads for `led_s`: the path turns at its stamps.
+    """
     rng = np.random.default_rng(0)
     path, clock, told = DrivenPath(OdometryConfig()), LaserClock(LaserClockConfig()), []
     for tick in range(10 * SECONDS):
         t_s = tick / 10
-        path.advance(tick * S // 10, Pose2(0.05 * tick, 0.0, turn_scale * heading(t_s) * turns))
+        by_laser = t_s < led_s
+        theta = heading(t_s - laser_late_s) if by_laser else turn_scale * heading(t_s)
+        path.advance(tick * S // 10, Pose2(0.05 * tick, 0.0, theta * turns), LedStep() if by_laser else None)
         if tick % (10 * EVERY_S) == 0 and tick:
             turned = (heading(t_s - laser_late_s) - heading(t_s - EVERY_S - laser_late_s)) * turns
             clock.add_turn((tick - 10 * EVERY_S) * S // 10, tick * S // 10, turned + rng.normal(0.0, noise_rad))
@@ -53,6 +60,10 @@ def test_a_robot_that_does_not_turn_tells_nothing() -> None:
 
 def test_an_offset_beyond_reach_is_not_made_up() -> None:
     assert found(60.0) == []
+
+
+def test_turns_while_the_laser_leads_say_nothing_of_its_clock() -> None:
+    assert found(0.3, led_s=110.0)[-1] == pytest.approx(-0.3, abs=0.05)
 
 
 def test_turns_from_before_the_odometry_are_passed_over() -> None:

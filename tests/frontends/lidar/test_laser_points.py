@@ -101,7 +101,7 @@ def intake_of(config: LidarConfig) -> ScanIntake:
 def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
     intake = intake_of(LidarConfig())
     list(intake.mounts.learn(StaticTransforms(0, (mount((0.5, 0.0), roll=math.pi),))))
-    points = intake.points(scan([2.0], angle_min=-math.pi / 2))
+    points = intake.led(scan([2.0], angle_min=-math.pi / 2), np.zeros(3))[0]
     np.testing.assert_allclose(points, [[0.5, 2.0]], atol=1e-6)
     assert intake.mounts.knows("laser")
     assert not intake.mounts.knows("another")
@@ -110,7 +110,7 @@ def test_a_laser_that_hangs_upside_down_sees_the_left_on_the_left() -> None:
 def test_a_mount_of_the_configuration_goes_before_tf_static() -> None:
     intake = intake_of(LidarConfig(mount=[0.1, 0.2, math.pi / 2]))
     list(intake.mounts.learn(StaticTransforms(0, (mount((5.0, 5.0)),))))
-    np.testing.assert_allclose(intake.points(scan([1.0])), [[0.1, 1.2]], atol=1e-6)
+    np.testing.assert_allclose(intake.led(scan([1.0]), np.zeros(3))[0], [[0.1, 1.2]], atol=1e-6)
 
 
 def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
@@ -119,7 +119,7 @@ def test_a_mount_that_is_not_finite_or_not_on_the_base_is_passed_over() -> None:
     elsewhere = Transform("map", "laser", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     list(intake.mounts.learn(StaticTransforms(0, (nan, elsewhere))))
     assert not intake.mounts.knows("laser")
-    np.testing.assert_allclose(intake.points(scan([1.0])), [[1.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(intake.led(scan([1.0]), np.zeros(3))[0], [[1.0, 0.0]], atol=1e-6)
 
 
 # Normals and thinning

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfi.backend.pose2 import Pose2, wrap
 from wayfi.frontends.keyframes import keyframe_due
-from wayfi.frontends.odometry.driven_path import DrivenPath
+from wayfi.frontends.odometry.driven_path import DrivenPath, LedStep
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 from wayfi.frontends.odometry.wheel_noise import wheel_covariance
 
@@ -184,3 +184,44 @@ def test_headings_of_many_moments_are_those_of_each_to_the_last_bit() -> None:
     assert 0 < np.isnan(expected).sum() < len(expected) / 2
     np.testing.assert_array_equal(path.headings_at(stamps_ns), expected)
     assert np.isnan(DrivenPath(CONFIG).headings_at(stamps_ns)).all()
+
+
+def test_what_a_laser_that_leads_left_open_adds_up_and_loosens_the_motion() -> None:
+    path = DrivenPath(CONFIG)
+    for k, open_m2 in enumerate([0.0, 0.1, 0.2]):
+        path.advance(k * S, Pose2(0.1 * k, 0.0, 0.0), LedStep(open_m2))
+    begin, middle, end = (path.at(stamp_ns) for stamp_ns in (0, S // 2, 2 * S))
+    assert begin
+    assert middle
+    assert end
+    motion = middle.motion_to(end)
+    assert motion.open_m2 == pytest.approx(0.25)
+    loosened = wheel_covariance(motion, CONFIG, 2.0) - wheel_covariance(motion._replace(open_m2=0.0), CONFIG, 2.0)
+    np.testing.assert_allclose(loosened, np.diag([0.25, 0.25, 0.0]), atol=1e-12)
+    assert keyframe_due(motion, CONFIG)
+    assert not keyframe_due(motion._replace(open_m2=0.2), CONFIG)
+
+
+def test_a_step_of_the_laser_that_does_not_fit_may_be_any() -> None:
+    path = DrivenPath(CONFIG)
+    path.advance(0, Pose2())
+    assert path.advance(S, Pose2(0.1, 0.0, 0.0), LedStep(0.25, fits=False))
+    begin, end = path.at(0), path.latest
+    assert begin
+    assert end
+    assert begin.motion_to(end).discontinuities == 1
+
+
+def test_a_step_of_a_laser_that_was_silent_may_be_any_and_its_time_is_kept() -> None:
+    path = DrivenPath(CONFIG)
+    path.advance(0, Pose2(), LedStep())
+    path.advance(2 * S, Pose2(0.1, 0.0, 0.0), LedStep(blind=True))
+    path.advance(3 * S, Pose2(0.2, 0.0, 0.0), LedStep())
+    begin, middle, end = path.at(0), path.at(2 * S), path.latest
+    assert begin
+    assert middle
+    assert end
+    assert begin.motion_to(end).blind_s == 2.0
+    assert begin.motion_to(end).discontinuities == 1
+    assert middle.motion_to(end).blind_s == 0.0
+    assert end.led_s == 3.0
