@@ -50,12 +50,18 @@ class LostRobotSearch:
     def __init__(self, keyframes: Keyframes, closure: ClosureConfig, lidar: LidarConfig) -> None:
         self._keyframes, self._closure, self._lidar = keyframes, closure, lidar
         self._map_end: int | None = None
+        self._begun = -1
         self._sweep: _Sweep | None = None
         self._first: Found | None = None
 
     def begin(self, keyframe: int) -> None:
-        """The robot was moved before `keyframe`; while it is lost, the map stays that of before the first move."""
+        """The robot was moved before `keyframe`; while it is lost, the map stays that of before the first move.
+
+        The search goes on with the keyframe after it, whose own scan has just been looked for widely: one such search
+        is enough for one message.
+        """
         self._map_end = keyframe if self._map_end is None else self._map_end
+        self._begun = keyframe
         self._sweep = self._first = None
 
     def closed(self, a: int, b: int) -> None:
@@ -66,7 +72,12 @@ class LostRobotSearch:
     def search(self, keyframe: int, poses: Floats) -> list[Found]:
         """Go on with the newest keyframe; returns the two that agree once the robot is found, else nothing."""
         scan = self._keyframes[keyframe].scan
-        if self._map_end is None or scan is None or len(scan.points) < self._lidar.min_points:
+        if (
+            self._map_end is None
+            or keyframe == self._begun
+            or scan is None
+            or len(scan.points) < self._lidar.min_points
+        ):
             return []
         if self._first is not None:
             return self._confirm(self._first, keyframe, poses, self._map_end)

@@ -120,8 +120,16 @@ def _search(
     """
     cells = _cells_at(points, field, x, y, angles)
     bounds = _upper_bounds(cells, field, angles, corners, window)
-    order = np.argsort(-bounds.ravel(), kind="mergesort")[:max_coarse_cells]
+    order = _greatest(bounds.ravel(), max_coarse_cells)
     return _best_poses(cells, field, angles, corners, window, bounds, order, apart_m, apart_rad)
+
+
+@njit(cache=True)
+def _greatest(values: Floats, most: int) -> NDArray[np.int64]:
+    """Where the `most` greatest values (n,) are, the greatest first, equal ones in their order."""
+    rest = max(len(values) - most, 0)
+    candidates = np.flatnonzero(values >= np.partition(values, rest)[rest])
+    return candidates[np.argsort(-values[candidates], kind="mergesort")[:most]]
 
 
 @njit(cache=True)
@@ -178,20 +186,25 @@ def _cells_at(points: Floats, field: LikelihoodField, x: float, y: float, angles
 
 
 @njit(cache=True)
-def mean_value(cells: NDArray[np.int64], values: NDArray[np.float32], dr: int, dc: int, overhang: int) -> float:
-    """The mean of `values` (rows, columns) at `cells` (n, 2) moved by `dr`, `dc`; beyond the edges they count as 0.
+def mean_values(
+    cells: NDArray[np.int64], values: NDArray[np.float32], dr: int, moved: NDArray[np.int64], overhang: int
+) -> Floats:
+    """(m,) means of `values` (rows, columns) at `cells` (n, 2) moved by `dr` and each of `moved`; beyond the edges 0.
 
-    Up to `overhang` cells before the first row or column the first one's value holds: with 0 this is the score of a
-    pose in the fine field, with BRANCH - 1 the bound of a coarse cell's scores in the coarse field.
+    Up to `overhang` cells before the first row or column the first one's value holds: with 0 these are the scores of
+    poses in the fine field, with BRANCH - 1 the bounds of coarse cells' scores in the coarse field. The sums grow side
+    by side, since each addition waits for the one before.
     """
     rows, columns = values.shape
-    total = 0.0
-    for i in range(cells.shape[0]):
-        r, c = cells[i, 0] + dr, cells[i, 1] + dc
-        if -overhang <= r < rows and -overhang <= c < columns:
-            total += values[max(r, 0), max(c, 0)]
-    mean: float = total / cells.shape[0]
-    return mean
+    sums = np.zeros(moved.shape[0])
+    for k in range(cells.shape[0]):
+        r, c = cells[k, 0] + dr, cells[k, 1]
+        if -overhang <= r < rows:
+            row = values[max(r, 0)]
+            for j in range(moved.shape[0]):
+                if -overhang <= c + moved[j] < columns:
+                    sums[j] += row[max(c + moved[j], 0)]
+    return sums / cells.shape[0]
 
 
 @njit(cache=True)
@@ -221,9 +234,10 @@ def _upper_bounds(
     bounds = np.zeros((angles.shape[0], side, side))
     for a in range(angles.shape[0]):
         for i in range(side):
+            means = mean_values(cells[a], field.coarse, corners[i], corners, BRANCH - 1)
             for j in range(side):
                 if _meets_window(corners[i], corners[j], field.cell_m, angles[a] - middle, window):
-                    bounds[a, i, j] = mean_value(cells[a], field.coarse, corners[i], corners[j], BRANCH - 1)
+                    bounds[a, i, j] = means[j]
     return bounds
 
 
@@ -243,11 +257,13 @@ def _best_poses(
         a, i, j = k // (side * side), k // side % side, k % side
         if bounds[a, i, j] <= second:
             break
+        columns = np.arange(corners[j], corners[j] + BRANCH)
         for dr in range(corners[i], corners[i] + BRANCH):
-            for dc in range(corners[j], corners[j] + BRANCH):
+            means = mean_values(cells[a], field.fine, dr, columns, 0)
+            for dc in columns:
                 if _chi2(dr * field.cell_m, dc * field.cell_m, angles[a] - middle, window.information) > window.chi2:
                     continue
-                score = mean_value(cells[a], field.fine, dr, dc, 0)
+                score = means[dc - columns[0]]
                 off_m = np.hypot(dr - best[0], dc - best[1]) * field.cell_m
                 turned = abs(angles[a] - angles[best[2]])
                 near = off_m < apart_m and min(turned, 2 * np.pi - turned) < apart_rad

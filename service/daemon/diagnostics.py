@@ -1,5 +1,6 @@
 """The daemon's diagnostics: state, rates, queues, drops and latencies, for its status and its report."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ from wayfi.service.transport.output_messages import ERROR, OK, WARN, Status
 LEVEL = {State.TRACKING: OK, State.UNCERTAIN: WARN, State.RELOCALISING: WARN, State.LOST: ERROR}
 RECENT_POSES = 1000
 PERIOD_S = 1.0
+STALE_S = 1.5  # for so long a pose says where the robot is: most send ten poses a second, and drive 1 m/s
 
 
 class Latencies:
@@ -62,6 +64,7 @@ class Diagnostics:
         self._backlog = backlog
         self._state = State.UNCERTAIN
         self._reason = "no odometry and no scan yet"
+        self._published_s = math.inf
         self._floor: int | None = 0
         self._complaints: dict[str, str] = {}
         self._reported: tuple[State, list[str], float] | None = None
@@ -76,7 +79,8 @@ class Diagnostics:
             case PosePublished():
                 if self._state is not event.state or not len(self.latencies):
                     self._state, self._reason = event.state, ""
-                self.latencies.add(time.monotonic() - received_s)
+                self._published_s = time.monotonic()
+                self.latencies.add(self._published_s - received_s)
             case StateChanged():
                 self._state, self._reason = event.state, event.reason
             case FloorChanged():
@@ -91,7 +95,7 @@ class Diagnostics:
         if self._reported is None:
             return True
         state, complaints, reported_s = self._reported
-        changed = state is not self._state or complaints != list(self._complaints)
+        changed = state is not self._judged()[0] or complaints != list(self._complaints)
         return changed or time.monotonic() - reported_s >= PERIOD_S
 
     def queue_drops(self) -> Drops:
@@ -104,8 +108,9 @@ class Diagnostics:
 
     def status(self, extra: Mapping[str, object]) -> Status:
         """The status as of now, with the values of `extra`."""
-        self._reported = (self._state, list(self._complaints), time.monotonic())
-        values: dict[str, Any] = {"state": self._state.value, "reason": self._reason, **extra}
+        judged, reason = self._judged()
+        self._reported = (judged, list(self._complaints), time.monotonic())
+        values: dict[str, Any] = {"state": judged.value, "reason": reason, **extra}
         values["floor"] = "unknown" if self._floor is None else self._floor
         values |= {f"rate_hz.{topic}": f"{hz:.1f}" for topic, hz in self._measured_rates().items()}
         fed = self._backlog.depths()
@@ -114,10 +119,17 @@ class Diagnostics:
         values |= {f"complaint.{name}": text for name, text in self._complaints.items()}
         values |= {"poses": len(self.latencies)}
         values |= {f"latency.{name}": value for name, value in self.latencies.recent().items()}
-        state = f"{self._state.value}: {self._reason}" if self._reason else self._state.value
-        level = max(LEVEL[self._state], WARN) if self._complaints else LEVEL[self._state]
+        state = f"{judged.value}: {reason}" if reason else judged.value
+        level = max(LEVEL[judged], WARN) if self._complaints else LEVEL[judged]
         message = "; ".join([state, *self._complaints.values()])
         return Status(level, message, {key: str(value) for key, value in values.items()})
+
+    def _judged(self) -> tuple[State, str]:
+        """The state as of now, and its reason: no sensor tells where a robot is that was TRACKING some time ago."""
+        since_s = time.monotonic() - self._published_s
+        if self._state is State.TRACKING and since_s > STALE_S:
+            return State.UNCERTAIN, f"no pose for {since_s:.1f} s: what the robot has driven since is not known"
+        return self._state, self._reason
 
     def _measured_rates(self) -> dict[str, float]:
         """Messages a second since they were last measured, at least half a period ago."""

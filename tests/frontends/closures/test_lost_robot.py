@@ -65,6 +65,14 @@ def test_two_scans_that_agree_find_the_robot() -> None:
     assert drive.worst_m() < 0.03
 
 
+def test_the_scan_that_tells_of_the_move_is_not_searched_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scan matching has just looked for it widely, which is as much as one message may take."""
+    searched: list[int] = []
+    monkeypatch.setattr(LostRobotSearch, "_compare_next", lambda _self, sweep, _poses: searched.append(sweep.b))
+    Drive(HALL, MAPPED, BACK[:3])
+    assert searched == [len(MAPPED) + 1] * 2
+
+
 def test_nothing_is_searched_unless_the_robot_was_moved() -> None:
     assert Drive(HALL, MAPPED + BACK).found == []
 

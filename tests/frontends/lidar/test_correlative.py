@@ -15,7 +15,7 @@ from wayfi.frontends.lidar.correlative import (
     LikelihoodField,
     SearchWindow,
     build_field,
-    mean_value,
+    mean_values,
     search,
 )
 
@@ -73,9 +73,9 @@ def test_a_coarse_cells_score_bounds_every_pose_in_it(seed: int, dr: int, dc: in
     field = build_field(rng.uniform(-1.5, 1.5, (30, 2)), CONFIG)
     pose = Pose2(*rng.uniform(-3, 3, 3))
     cells = cells_of(rng.uniform(-2, 2, (20, 2)), field, pose)
-    bound = mean_value(cells, field.coarse, dr, dc, BRANCH - 1)
-    scores = [mean_value(cells, field.fine, dr + i, dc + j, 0) for i in range(BRANCH) for j in range(BRANCH)]
-    assert max(scores) <= bound + 1e-6
+    (bound,) = mean_values(cells, field.coarse, dr, np.array([dc]), BRANCH - 1)
+    scores = [mean_values(cells, field.fine, dr + i, dc + np.arange(BRANCH), 0) for i in range(BRANCH)]
+    assert np.max(scores) <= bound + 1e-6
 
 
 @settings(deadline=None, max_examples=40)
@@ -84,7 +84,7 @@ def test_a_score_is_the_mean_of_the_field_under_the_points(seed: int, dr: int, d
     rng = np.random.default_rng(seed)
     field = build_field(rng.uniform(-1.5, 1.5, (30, 2)), CONFIG)
     points, pose = rng.uniform(-2, 2, (20, 2)), Pose2(*rng.uniform(-3, 3, 3))
-    score = mean_value(cells_of(points, field, pose), field.fine, dr, dc, 0)
+    (score,) = mean_values(cells_of(points, field, pose), field.fine, dr, np.array([dc]), 0)
     assert math.isclose(score, plain_score(points, field, pose, (dr, dc)), abs_tol=1e-6)
 
 
