@@ -204,7 +204,7 @@ def mean_values(
             for j in range(moved.shape[0]):
                 if -overhang <= c + moved[j] < columns:
                     sums[j] += row[max(c + moved[j], 0)]
-    return sums / cells.shape[0]
+    return np.asarray(sums / cells.shape[0])
 
 
 @njit(cache=True)
