@@ -44,7 +44,7 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
 def _needed(sharp: bool, all_agreed: bool, wifi: bool, config: ClaimConfig) -> tuple[int, float]:
     """How many scans have to agree, and along which path (m)."""
     if not sharp:
-        return config.fixes, config.open_path_m
+        return config.fixes, config.open_path_with_wifi_m if wifi else config.open_path_m
     if not wifi:
         return config.fixes, config.path_m
     return config.fixes_with_wifi + (not all_agreed), config.path_with_wifi_m

@@ -62,9 +62,8 @@ class ClaimConfig:
     fixes: int = option(4, "", "agreeing fixes, each from another place")
     apart_m: float = option(0.25, "m", "between fixes that count as independent; a turn of 1 rad counts as 1 m")
     path_m: float = option(1.2, "m", "of path along which they agree")
-    open_path_m: float = option(
-        3.0, "m", "the same where walls leave the place open along them: WiFi errs by .4 m by then"
-    )
+    open_path_m: float = option(5.0, "m", "the same where walls leave the place open along them")
+    open_path_with_wifi_m: float = option(3.0, "m", "the same where WiFi names it: it errs by .4 m by then")
     fixes_with_wifi: int = option(
         2,
         "",

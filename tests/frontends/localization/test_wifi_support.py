@@ -90,8 +90,15 @@ def test_turns_on_the_spot_confirm_a_place_that_wifi_names_as_well(wifi: bool, t
     assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
 
 
-@pytest.mark.parametrize(("along_m", "confirmed"), [(2.5, False), (3.5, True)])
-def test_between_walls_that_leave_the_place_open_a_longer_way_has_to_agree(along_m: float, confirmed: bool) -> None:
+@pytest.mark.parametrize(
+    ("wifi", "along_m", "confirmed"),
+    [(True, 2.5, False), (True, 3.5, True), (False, 3.5, False), (False, 5.5, True)],
+)
+def test_between_walls_that_leave_the_place_open_a_longer_way_has_to_agree(
+    wifi: bool, along_m: float, confirmed: bool
+) -> None:
     at = Hypothesis(Pose2(3.0, 4.0, 0.2), np.diag([0.5, 1e-3, 1e-3]), 5, agreed=6, agreed_to_m=along_m)
     cluster = Cluster(at, 5, at.T_map_base, at.covariance, gain=10.0, rivals=0, proposed=1)
-    assert (why_not_confirmed(cluster, support(0.04), True, ClaimConfig()) is None) == confirmed
+    assert (
+        why_not_confirmed(cluster, support(0.04) if wifi else WifiSupport(()), True, ClaimConfig()) is None
+    ) == confirmed
