@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,23 +82,6 @@ class LogProcess:
     def behind(self) -> bool:
         """Whether the queue is full: the next batch would wait."""
         return self._pickles.full()
-
-    def close_within(self, seconds: float) -> bool:
-        """Close, but wait `seconds` at most; returns whether the file holds everything by then.
-
-        Else the process goes on, and finishes the file with what it has got.
-        """
-        deadline_s = time.monotonic() + seconds
-        last = [pickle.dumps(self._batch, protocol=pickle.HIGHEST_PROTOCOL), None]
-        self._batch = []
-        with contextlib.suppress(queue.Full, subprocess.TimeoutExpired):
-            for data in last:
-                self._pickles.put(data, timeout=max(deadline_s - time.monotonic(), 0.0))
-            self._process.wait(max(deadline_s - time.monotonic(), 0.0))
-            self._end()
-            return True
-        self._stderr.close()
-        return False
 
     def close(self) -> None:
         """Wait until everything is in the file, and end the process."""

@@ -22,7 +22,7 @@ from wayfi.service.transport.commands import Commands
 from wayfi.service.transport.publishers import Publishers
 from wayfi.service.transport.subscribers import Subscribers
 
-DRAIN_S = 2.0  # of the ten seconds between the signal and the last file
+DRAIN_S = 3.0  # of the ten seconds between the signal and the last file
 FINISH_S = 60.0  # the results of a long drive on a busy machine; a service manager that waits less kills the run
 
 

@@ -192,12 +192,7 @@ class Estimator:
         return Saved(self._write_results(self._live.copy(), {}, {}))
 
     def _finish(self, finish: Finish) -> Written:
-        with suppress(PermissionError):
-            os.setpriority(os.PRIO_PROCESS, 0, 0)  # no pose of the daemon's waits any more
-        written = self._write_results(self._live, finish.dropped, finish.report)
-        self._log.close()
-        self._outgoing.send(Update(warnings=self._warnings))
-        return written
+        return self._write_results(self._live, finish.dropped, finish.report)
 
     def _write_results(self, live: LiveDrive, dropped: Any, extra: Any) -> Written:  # noqa: ANN401 - as in Finish
         drive = live.drive

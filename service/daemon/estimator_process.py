@@ -15,7 +15,7 @@ from wayfi.service.drive.control_records import ControlKind, ControlRecord
 from wayfi.service.transport.message_queue import Received
 
 IDLE_S = 0.1
-PIPE_BYTES = 1 << 16  # a second of a planar laser: what is recorded is processed, at a stop as well
+PIPE_BYTES = 1 << 20  # some seconds of a planar laser, recorded and not yet processed
 CHECKPOINT_EVERY = 2000  # messages: a second or two of work, which a restart has to repeat
 
 

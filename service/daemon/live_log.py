@@ -15,7 +15,6 @@ SEND_S = 0.2
 CHECK_S = 2.0
 MIB = 1 << 20
 RETRY_S = 30.0
-CLOSE_S = 2.0  # at the end: of the ten seconds between the signal and the last file
 
 
 class LiveLog:
@@ -49,8 +48,6 @@ class LiveLog:
         served = self._process is not None or self._is_port_free()
         part = Part(self._config, self._path, f"wayfi-{self._folder.name}-{self._path.stem}", served, history)
         self._full = False
-        with contextlib.suppress(OSError):  # of which the process tells
-            self._path.touch()
         with self._guarded():
             if self._process is None:
                 self._process = LogProcess(part)
@@ -66,11 +63,10 @@ class LiveLog:
         self._send(lambda process: process.log_durations(durations))
 
     def close(self) -> None:
-        """Finish the file; what the log's process has not taken soon is left out of it."""
+        """Finish the file."""
         if self._process is not None:
             with self._guarded():
-                if not self._process.close_within(CLOSE_S):
-                    self._warn("the Rerun log does not keep up: the end of the drive may be missing in it")
+                self._process.close()
             self._process = None
 
     def _send(self, send: Callable[[LogProcess], None]) -> None:

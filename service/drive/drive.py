@@ -109,10 +109,11 @@ class Drive:
         return self.pipeline.history() + accepted
 
     def finish(self) -> DriveEstimate:
-        """End the drive and return the result; the log is whose it is to close."""
+        """End the drive, close the log and return the result."""
         result, events = self.pipeline.finish()
         events += self.unused.judge(self.counters.messages, events, self.pipeline.stamp_ns)
         self.show(events + self.unused.finish(self.counters.messages, self.pipeline.stamp_ns))
+        self.log.close()
         return result
 
 

@@ -47,21 +47,20 @@ def write_results(
 ) -> dict[str, Any]:
     """Write every file of a drive into `directory`; returns the report, with `extra` added. Raises OSError, MapError.
 
-    What is needed most comes first, should a service manager not wait for the rest: the trajectories, then the map.
     `saver` saves the map, where it has done so on the way. A drive that localises has no map of its own to save.
     """
     building = estimate.building
     with drive.timer("files"):
         _write_estimate(directory, estimate)
-        if drive.makes_map:
-            former, known = (None, None) if estimate.is_separate else (drive.former, saver)
-            (known or MapSaver(directory / MAP, drive.config.map, former, drive.config.frames)).save(building)
         write_closures(directory / "closures.csv", drive.counters.verdicts.values())
         write_radio(directory / "radio.csv", _radio(building))
         write_text(directory / "config.toml", config_toml(drive.config))
         write_calibration(directory / "calibration.toml", building.calibration)
         for floor, grid in building.grids.items():
             write_map(directory, grid, drive.config.map, estimate.path_on(floor), floor)
+        if drive.makes_map:
+            former, known = (None, None) if estimate.is_separate else (drive.former, saver)
+            (known or MapSaver(directory / MAP, drive.config.map, former, drive.config.frames)).save(building)
     report = report_of(drive, source) | dict(extra or {})
     write_text(directory / "report.json", json.dumps(report, indent=1) + "\n")
     return report

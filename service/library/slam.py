@@ -168,7 +168,6 @@ class Slam:
         self._refuse_if_finished()
         self._finished = True
         drive, ended = self._drive, self._drive.finish()
-        drive.log.close()
         first_ns, last_ns = self._stamps_ns or (0, 0)
         warnings = [self._rrd.warning] if self._rrd and self._rrd.warning else []
         source = Source(time.monotonic() - self._begun_s, (last_ns - first_ns) / SECOND_NS, "", warnings)

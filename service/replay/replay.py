@@ -133,8 +133,9 @@ def _run(recording: Recording, replayer: Replayer, playback: PlaybackRate, progr
             with loaded_objects_left_alone():
                 _play_all(recording, replayer, playback, progress, stop)
         return replayer.drive.finish()
-    finally:
+    except BaseException:
         replayer.drive.log.close()
+        raise
 
 
 def replayer_of(

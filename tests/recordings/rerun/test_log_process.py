@@ -1,7 +1,6 @@
 """The log that runs in a process of its own writes what the one beside would, and says when it cannot."""
 
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,29 +66,6 @@ def test_a_process_that_writes_no_more_is_not_waited_for(
 
     with pytest.raises(LogProcessError, match=r"a\.rrd: cannot be written to its end"):
         log_and_close()
-
-
-def test_a_file_that_is_finished_in_time_holds_everything(tmp_path: Path) -> None:
-    log = LogProcess(Part(CONFIG, tmp_path / "a.rrd", "one"))
-    for event in EVENTS:
-        log.log(event)
-    log.log_durations({"wifi": 0.002})
-    assert log.close_within(60.0)
-    log_all_and_close(LogProcess(Part(CONFIG, tmp_path / "b.rrd", "one")))
-    assert entities(tmp_path / "a.rrd") == entities(tmp_path / "b.rrd")
-
-
-def test_a_process_that_is_slow_finishes_its_file_unwaited_for(tmp_path: Path) -> None:
-    log = LogProcess(Part(CONFIG, tmp_path / "a.rrd", "one"))
-    log._process.send_signal(signal.SIGSTOP)
-    for event in EVENTS:
-        log.log(event)
-    begun_s = time.monotonic()
-    assert not log.close_within(0.2)
-    assert time.monotonic() - begun_s < 5.0
-    log._process.send_signal(signal.SIGCONT)
-    log._process.wait()
-    assert entities(tmp_path / "a.rrd")
 
 
 def test_of_poses_that_nothing_follows_from_those_are_sent_that_are_drawn() -> None:
