@@ -102,7 +102,7 @@ class Localizer:
             return
         config, T = self._config.claim, self.claimed.T_map_base
         floor = self.claimed.floor
-        apart = self._wifi.nats(T, floor) < -config.wifi_below_best
+        apart = self._wifi.wide_nats(T, floor) < -config.wifi_below_best
         apart &= self._wifi.metres(T, floor) > config.wifi_apart_m
         apart |= self._wifi.is_elsewhere(config.least_in_map)
         self._elsewhere = self._elsewhere + 1 if apart else 0

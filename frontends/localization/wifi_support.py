@@ -28,7 +28,9 @@ class WifiSupport:
 
     def __init__(self, places: Sequence[PlaceBelief], cloud: Cloud | None = None) -> None:
         self.places, self.heard, self._cloud = tuple(places), cloud is not None, cloud
-        self._peak = max((self._density(p.T_map_base, p.floor) for p in places), default=0.0)
+        self._peak, self._wide_peak = (
+            max((self._density(p.T_map_base, p.floor, wide) for p in places), default=0.0) for wide in (WIDE, 1.0)
+        )
 
     @property
     def known(self) -> bool:
@@ -46,9 +48,11 @@ class WifiSupport:
 
     def nats(self, T_map_base: Pose2, floor: int) -> float:
         """The logarithm of the density at a pose on a floor over that at WiFi's best place; 0 where WiFi names none."""
-        if not self.known:
-            return 0.0
-        return max(LEAST_NATS, min(0.0, math.log(max(self._density(T_map_base, floor), LEAST) / self._peak)))
+        return _nats(self._density(T_map_base, floor, WIDE), self._peak)
+
+    def wide_nats(self, T_map_base: Pose2, floor: int) -> float:
+        """The same by the wide density alone, as if WiFi erred beyond its belief: a claim is contradicted by that."""
+        return _nats(self._density(T_map_base, floor, 1.0), self._wide_peak)
 
     def metres(self, T_map_base: Pose2, floor: int) -> float:
         """The distance from a pose to WiFi's best place, m; infinite if that is on another floor."""
@@ -57,21 +61,28 @@ class WifiSupport:
         best = self.places[0]
         return best.T_map_base.distance(T_map_base) if best.floor == floor else math.inf
 
-    def _density(self, T: Pose2, floor: int) -> float:
-        return 0.0 if self._cloud is None else float(_density(*self._cloud, T.x, T.y, T.theta, floor))
+    def _density(self, T: Pose2, floor: int, wide: float) -> float:
+        return 0.0 if self._cloud is None else float(_density(*self._cloud, T.x, T.y, T.theta, floor, wide))
+
+
+def _nats(density: float, peak: float) -> float:
+    return max(LEAST_NATS, min(0.0, math.log(max(density, LEAST) / peak))) if peak > 0.0 else 0.0
 
 
 @njit(cache=True)
 def _density(
-    poses: Floats, floors: NDArray[np.int64], weights: Floats, x: float, y: float, theta: float, floor: int
+    poses: Floats, floors: NDArray[np.int64], weights: Floats, x: float, y: float, theta: float, floor: int, wide: float
 ) -> float:
-    """The sum over poses (n, 3) on a floor of their weights (n,), each times two Gaussians of its distance."""
-    total, narrow = 0.0, (1.0 - WIDE) * (WIDE_M / NEAR_M) ** 2
+    """The sum over poses (n, 3) on a floor of their weights (n,), each times two Gaussians of its distance.
+
+    `wide` (0 to 1) is the part of the wide one.
+    """
+    total, narrow = 0.0, (1.0 - wide) * (WIDE_M / NEAR_M) ** 2
     for k in range(len(poses)):
         d2 = (poses[k, 0] - x) ** 2 + (poses[k, 1] - y) ** 2
         if d2 < FAR_M**2 and floors[k] == floor:
             turned = (theta - poses[k, 2] + np.pi) % (2.0 * np.pi) - np.pi
             heading = ANY_HEADING + (1.0 - ANY_HEADING) * math.exp(-0.5 * (turned / NEAR_RAD) ** 2)
-            near = narrow * math.exp(-0.5 * d2 / NEAR_M**2) + WIDE * math.exp(-0.5 * d2 / WIDE_M**2)
+            near = narrow * math.exp(-0.5 * d2 / NEAR_M**2) + wide * math.exp(-0.5 * d2 / WIDE_M**2)
             total += weights[k] * heading * near
     return total
