@@ -71,13 +71,7 @@ class LostRobotSearch:
 
     def search(self, keyframe: int, poses: Floats) -> list[Found]:
         """Go on with the newest keyframe; returns the two that agree once the robot is found, else nothing."""
-        scan = self._keyframes[keyframe].scan
-        if (
-            self._map_end is None
-            or keyframe == self._begun
-            or scan is None
-            or len(scan.points) < self._lidar.min_points
-        ):
+        if self._map_end is None or keyframe == self._begun or not self._has_scan(keyframe):
             return []
         if self._first is not None:
             return self._confirm(self._first, keyframe, poses, self._map_end)
@@ -85,6 +79,10 @@ class LostRobotSearch:
             self._sweep = _Sweep(keyframe, self._places(Pose2.of(poses[keyframe]), poses, self._map_end), [])
         self._compare_next(self._sweep, poses)
         return []
+
+    def _has_scan(self, keyframe: int) -> bool:
+        scan = self._keyframes[keyframe].scan
+        return scan is not None and len(scan.points) >= self._lidar.min_points
 
     def _compare_next(self, sweep: _Sweep, poses: Floats) -> None:
         if sweep.places:

@@ -1,7 +1,6 @@
 """Where WiFi and wheels put the robot in a known map, or that it is not in it."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,17 +19,9 @@ from wayfi.frontends.localization.wifi.where import Where, log_ratios
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.wifi.readings import Readings
 
-__all__ = ["Disagreement", "PlaceBelief", "WifiBelief"]
+__all__ = ["PlaceBelief", "WifiBelief"]
 
 FOUND = 0.5  # of the weight within some metres of the map's ways: with less a receiver's offset is not learnt
-SURE_APART = 2.0  # sigmas of a place beyond which a pose is elsewhere
-
-
-class Disagreement(NamedTuple):
-    """WiFi puts the robot `metres` from a pose, and the chance that it is indeed elsewhere is `certainty` (0 to 1)."""
-
-    metres: float
-    certainty: float
 
 
 class WifiBelief:
@@ -72,7 +63,7 @@ class WifiBelief:
             return
         self._catch_up()
         config, offset = self._config, self._offsets.of(receiver)
-        gain = self._map.gains.get(receiver, NO_GAIN)
+        gain = self._map.fingerprinted.gains.get(receiver, NO_GAIN)
         fit = fit_scan(self._map, readings, offset.offset_db, offset.sigma_db, config.likelihood, gain)
         evidence = self._evidence(fit.known)
         self._particles.draw(config.particles - config.seeds, config.roughening_m, config.roughening_rad)
@@ -98,17 +89,6 @@ class WifiBelief:
     def away(self) -> Away:
         """How far from the ways of the map the robot is."""
         return self._off_ways.away if self._off_ways else Away()
-
-    def disagreement(self, T_map_base: Pose2, floor: int = 0) -> Disagreement:
-        """By how many metres, and how surely, WiFi puts the robot elsewhere than at a pose."""
-        places = self.places(8)
-        elsewhere = [p for p in places if p.floor != floor or self._is_apart(p, T_map_base)]
-        if not elsewhere:
-            return Disagreement(0.0, 0.0)
-        return Disagreement(places[0].T_map_base.distance(T_map_base), min(sum(p.weight for p in elsewhere), 1.0))
-
-    def _is_apart(self, place: PlaceBelief, T_map_base: Pose2) -> bool:
-        return place.T_map_base.distance(T_map_base) > self._config.near_m + SURE_APART * place.sigma_m
 
     def _catch_up(self) -> None:
         """Move the particles by what the wheels have driven since."""

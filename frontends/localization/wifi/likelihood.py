@@ -89,18 +89,19 @@ def fit_scan(
 
     Those are the ones that have most in common with the scan, unless places `compared` are given.
     """
-    numbers = np.array([places.numbers.get(bssid, -1) for bssid in readings.bssids], np.int32)
+    of_map = places.fingerprinted
+    numbers = np.array([of_map.numbers.get(bssid, -1) for bssid in readings.bssids], np.int32)
     known = numbers >= 0
     aps, rssi = numbers[known], readings.rssi[known] - np.float32(offset_db)
-    weight = places.weight[aps]
+    weight = of_map.weight[aps]
     found = compared
     if found is None:
         order = np.argsort(-weight * (rssi - LOWEST_DBM), kind="stable")
         found = places.postings.overlap(aps[order], rssi[order], weight[order], len(places), EXAMINED).numbers
-    level = np.full(len(places.weight), np.nan)
+    level = np.full(len(of_map.weight), np.nan)
     level[aps] = rssi
     unknown = np.clip(config.unknown_heard * places.common, LEAST_HEARD, config.unknown_heard)
-    heard = _Map(*places.heard, places.towards, places.weight, unknown)
+    heard = _Map(*places.heard, places.towards, of_map.weight, unknown)
     model = _model(config)
 
     def fitted(chosen: NDArray[np.int64], more_db: Floats) -> tuple[Floats, Floats]:

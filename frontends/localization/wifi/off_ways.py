@@ -44,7 +44,7 @@ class OffWays:
 
     def __init__(self, places: RadioPlaces, config: LikelihoodConfig) -> None:
         self._places, self._config = places, config
-        self._sigma_db = places.spread.at(DISTANCES_M)[:, None]
+        self._sigma_db = places.fingerprinted.spread.at(DISTANCES_M)[:, None]
         self._log_likelihood = np.zeros(len(DISTANCES_M))
         self._named_m = 0.0
 
@@ -77,5 +77,6 @@ def _differences(places: RadioPlaces, place: int, readings: Readings, more_db: F
     here = slice(places.heard.starts[place], places.heard.starts[place + 1])
     there = places.heard.rssi[here] + places.towards[here] @ more_db
     level = dict(zip(places.heard.aps[here].tolist(), there.tolist(), strict=True))
-    known = zip([places.numbers.get(b, -1) for b in readings.bssids], readings.rssi.tolist(), strict=True)
+    numbers = places.fingerprinted.numbers
+    known = zip([numbers.get(b, -1) for b in readings.bssids], readings.rssi.tolist(), strict=True)
     return np.array([rssi - level[a] for a, rssi in known if a in level], np.float64)

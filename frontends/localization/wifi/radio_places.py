@@ -29,9 +29,10 @@ STEP_DB = 8.0  # of the posting lists: two steps apart cover the offset of anoth
 
 
 class Fingerprinted(NamedTuple):
-    """What the fingerprints of a map `heard` `at` (m, 2) m on a `floor` (m,), less the receivers' offsets and gains.
+    """What the fingerprints of a map `heard` `at` (m, 2) m on a `floor` (m,), less the receivers' offsets and `gains`.
 
-    Different floors lie far apart. The rest is as in RadioPlaces; `around` gives the directions of access points.
+    Different floors lie far apart; `around` gives the directions of access points. Of each of these: its number by its
+    BSSID, and the `weight` (0 to 1) by which it counts. `spread` is that of readings about what was heard.
     """
 
     at: Floats
@@ -46,23 +47,17 @@ class Fingerprinted(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RadioPlaces:
-    """(n, 2) m `xy` in map and (n,) `floor` of each place, and what was `heard` there, less the receivers' offsets.
+    """(n, 2) m `xy` in map and (n,) `floor` of each place, and what was `heard` there of what was `fingerprinted`.
 
-    Of each access point: its number by its BSSID, the `weight` (0 to 1) by which it counts, and the share of all places
-    where it was heard, `common`. `spread` is that of readings about what was heard. `heard` is also less the receivers'
-    `gains`; `towards` (entries of `heard`, 2) is the mean direction of the access point from the place. All is made
-    of what was `fingerprinted`.
+    `towards` (entries of `heard`, 2) is the mean direction of the access point from the place; `common` is the share of
+    all places where each was heard.
     """
 
     xy: Floats
     floor: Longs
     heard: Heard
     towards: Levels
-    gains: Mapping[str, Gain]
-    numbers: Mapping[str, int]
-    weight: Floats
     common: Floats
-    spread: LevelSpread
     postings: Postings
     fingerprinted: Fingerprinted
     _sorted: Floats
@@ -111,8 +106,7 @@ def places_of_some(known: Fingerprinted, kept: Longs, config: LikelihoodConfig) 
     order, cells = sort_by_cell(places, REACH_M)
     return RadioPlaces(
         places - np.column_stack([floor * FLOOR_M, np.zeros(len(first))]), floor, heard,
-        known.around.seen_from(kept[first], heard), known.gains, known.numbers, known.weight, common,
-        known.spread, _posted(heard), known, places[order], order, cells,
+        known.around.seen_from(kept[first], heard), common, _posted(heard), known, places[order], order, cells,
     )  # fmt: skip
 
 

@@ -36,26 +36,27 @@ def places(heard: Radio, way: Floats) -> RadioPlaces:
 
 @pytest.mark.parametrize("ahead_db", [1.5, AHEAD_DB, -2.0])
 def test_a_gain_is_learnt_from_places_that_were_passed_both_ways(ahead_db: float) -> None:
-    ahead, left = places(directed(ahead_db), MAPPED).gains["phone"]
+    ahead, left = places(directed(ahead_db), MAPPED).fingerprinted.gains["phone"]
 
     assert ahead == pytest.approx(ahead_db, abs=0.4)
     assert abs(left) < 0.4
 
 
 def test_a_receiver_that_hears_alike_all_around_has_no_gain() -> None:
-    assert places(directed(0.0), MAPPED).gains == {}
+    assert places(directed(0.0), MAPPED).fingerprinted.gains == {}
 
 
 def test_a_way_that_was_driven_one_way_alone_tells_no_gain() -> None:
-    assert places(directed(AHEAD_DB), WAY[CORRIDOR]).gains == {}
+    assert places(directed(AHEAD_DB), WAY[CORRIDOR]).fingerprinted.gains == {}
 
 
 def test_access_points_are_seen_in_their_directions() -> None:
     heard = directed(0.0)
     known = places(heard, MAPPED)
-    numbers = [known.numbers[b] for b in heard.bssids if b in known.numbers]
+    numbered = known.fingerprinted.numbers
+    numbers = [numbered[b] for b in heard.bssids if b in numbered]
     stand = dict(
-        zip(numbers, [xy for b, xy in zip(heard.bssids, heard.places, strict=True) if b in known.numbers], strict=True)
+        zip(numbers, [xy for b, xy in zip(heard.bssids, heard.places, strict=True) if b in numbered], strict=True)
     )
     away = np.array([stand[a] for a in known.heard.aps.tolist()]) - known.xy[known.heard.rows()]
     distance_m = np.hypot(*away.T)

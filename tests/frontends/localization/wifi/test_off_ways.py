@@ -42,15 +42,15 @@ def test_the_spread_of_a_map_is_learnt_from_its_fingerprints(fading_db: float) -
     places = radio_places(building, CONFIG)
 
     assert places is not None
-    assert places.spread.level_db == pytest.approx(np.hypot(fading_db, CONFIG.day_db), rel=0.15)
-    assert 0.5 < places.spread.gradient_db_per_m < 1.5
+    assert places.fingerprinted.spread.level_db == pytest.approx(np.hypot(fading_db, CONFIG.day_db), rel=0.15)
+    assert 0.5 < places.fingerprinted.spread.gradient_db_per_m < 1.5
 
 
 def test_a_map_with_fingerprints_far_apart_does_not_tell_its_spread() -> None:
     places = radio_places(radio_map(radio(), WAY[:: round(3.0 / STEP_M)]), CONFIG)
 
     assert places is not None
-    assert places.spread == (CONFIG.level_db, CONFIG.gradient_db_per_m)
+    assert places.fingerprinted.spread == (CONFIG.level_db, CONFIG.gradient_db_per_m)
 
 
 @pytest.mark.parametrize("seed", range(4))
