@@ -30,7 +30,7 @@ def why_not_confirmed(cluster: Cluster, wifi: WifiSupport, complete: bool, confi
         return _not_yet(FailureCategory.NOT_FOUND_YET, f"the scans fit the map to {best.quality:.2f}, under {least:g}")
     if cluster.twin_floors and not wifi.known:
         return _not_yet(FailureCategory.AMBIGUOUS, _look_alike(best.floor, cluster.twin_floors))
-    if wifi.nats(best.T_map_base, best.floor) < -config.most_below_best:
+    if wifi.wide_nats(best.T_map_base, best.floor) < -config.most_below_best:
         return _not_yet(FailureCategory.WIFI_ELSEWHERE, "WiFi names another place than the laser")
     if cluster.gain < config.min_gain:
         return _not_yet(FailureCategory.AMBIGUOUS, f"{max(cluster.rivals, 1) + 1} places of the map look alike so far")

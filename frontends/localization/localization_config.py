@@ -82,7 +82,7 @@ class ClaimConfig:
     max_sigma_m: float = option(
         1.1, "m", "of the position where walls leave it open: more is no claim, it may be 1 m off"
     )
-    most_below_best: float = option(4.0, "nats", "that WiFi may put a place below its best one: more contradicts")
+    most_below_best: float = option(5.0, "nats", "that WiFi may put a place below its best one: half a turn is more")
     least_in_map: float = option(0.5, "", "of WiFi's belief that is in this map: with less of it nothing is claimed")
     min_quality: float = option(0.7, "", "of the last fixes where WiFi names the place as well; 1 is a perfect fit")
     min_quality_alone: float = option(0.85, "", "the same without WiFi; other buildings were seen to reach 0.8")

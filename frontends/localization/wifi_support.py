@@ -51,7 +51,7 @@ class WifiSupport:
         return _nats(self._density(T_map_base, floor, WIDE), self._peak)
 
     def wide_nats(self, T_map_base: Pose2, floor: int) -> float:
-        """The same by the wide density alone, as if WiFi erred beyond its belief: a claim is contradicted by that."""
+        """The same by the wide density alone, as if WiFi erred beyond its belief: places are contradicted by that."""
         return _nats(self._density(T_map_base, floor, 1.0), self._wide_peak)
 
     def metres(self, T_map_base: Pose2, floor: int) -> float:

@@ -82,6 +82,20 @@ def test_fewer_scans_confirm_a_place_that_wifi_names_as_well(
     assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
 
 
+@pytest.mark.parametrize(
+    ("off_m", "turned_rad", "confirmed"), [(1.8, 0.0, True), (3.0, 0.0, False), (0.0, math.pi, False)]
+)
+def test_wifi_may_err_beyond_its_belief_but_not_by_metres_or_half_a_turn(
+    off_m: float, turned_rad: float, confirmed: bool
+) -> None:
+    named = Pose2(3.0, 4.0, 0.2)
+    heard = WifiSupport([PlaceBelief(named, np.diag([0.2, 0.2, 0.04]), 1.0)], cloud(named, 0.3, 0.2))
+    T = Pose2(named.x + off_m, named.y, named.theta + turned_rad)
+    at = Hypothesis(T, 1e-3 * np.eye(3), 5, agreed=4, agreed_to_m=1.5)
+    cluster = Cluster(at, 5, T, at.covariance, gain=10.0, rivals=0, proposed=1)
+    assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
+
+
 @pytest.mark.parametrize(("wifi", "turned", "confirmed"), [(True, 1.0, True), (True, 0.5, False), (False, 3.0, False)])
 def test_turns_on_the_spot_confirm_a_place_that_wifi_names_as_well(wifi: bool, turned: float, confirmed: bool) -> None:
     at = Hypothesis(Pose2(3.0, 4.0, 0.2), 1e-3 * np.eye(3), 5, agreed=4, agreed_rad=turned)
