@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 from drives import RESULT_FILES, Simulated, circling, run, write
-from live.daemons import ESTIMATOR, Robot, routing, running
+from live.daemons import ESTIMATOR, Robot, asked_for, routing, running
 from live.kills import kill_after
 from live.loopback import eventually, free_port
-from live.runs import error_m, replays_alike
+from live.runs import error_m, recorded, replays_alike
 
 from wayfi.recordings.files.tum import read_tum
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
+from wayfi.service.transport.subscribers import SYNC
 
 KILLED_S = 1.0
 HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
@@ -32,6 +33,7 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
         robot.start()
         kills = [kill_after(daemon, chance.uniform(1.0, 3.0)) for _ in range(3)]
         robot.finish()
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     folder = daemon.folder
     kept = {record.data for record in open_recording(folder)}
@@ -65,14 +67,15 @@ def test_a_run_that_is_stopped_while_it_recovers_has_its_results(tmp_path: Path)
     recording = write(tmp_path / "recording.mcap", circling(200))
     with running(tmp_path / "runs") as daemon:
         daemon.publish(recording, None)
-        time.sleep(KILLED_S)
+        eventually(lambda: recorded(daemon) == 200)
         daemon.kill()
         daemon.launch_again()
         eventually(lambda: daemon.processes(ESTIMATOR))
         (estimator,) = daemon.processes(ESTIMATOR)
         os.kill(estimator, signal.SIGSTOP)
+        eventually(lambda: asked_for(daemon.session, daemon.key(SYNC)))  # it receives what the drive goes on with
         daemon.process.send_signal(signal.SIGTERM)
-        time.sleep(0.5)  # in which the daemon requests the results
+        eventually(lambda: not asked_for(daemon.session, daemon.key(SYNC)))  # nor does it any more
         os.kill(estimator, signal.SIGCONT)
         assert daemon.stop() == 0, daemon.stderr
     assert not daemon.lines('"ready"')
