@@ -171,10 +171,10 @@ def test_the_mode_is_changed_on_the_way_and_back_in_the_map_made_so_far(tmp_path
         assert not asked(daemon, "mode", "localization")["ok"]
         for part, mode in zip(parts, ("localization", "mapping", ""), strict=True):
             daemon.publish(part, FASTER)
+            daemon.settle()
             if mode:
                 assert asked(daemon, "mode", mode)["ok"]
                 eventually(lambda mode=mode: daemon.status()["mode"] == mode)
-        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     online, final = (read_tum(daemon.folder / name) for name in ("online.tum", "trajectory.tum"))
     assert len(online.stamps_ns) == made.count(Odometry) == len(poses_of(daemon))

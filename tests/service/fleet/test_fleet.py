@@ -41,7 +41,7 @@ class Member:
 
     def map(self) -> None:
         """Drive, and have the map saved."""
-        self.daemon.publish(self.begin, RATE)
+        self.daemon.publish(self.begin, None)
         self.daemon.settle()
         (reply,) = asked_for(self.daemon.session, self.daemon.key("wayfi/command/save"))
         assert json.loads(reply)["ok"], reply
