@@ -2,6 +2,7 @@
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (not item.nodeid.startswith(LIVE), not item.nodeid.startswith(LONG)))
 
 
+@cache
+def is_live(file: Path) -> bool:
+    """Whether tests of a file have sessions or processes of their own."""
+    return any(helper in file.read_text() for helper in ("live.daemons", "live.loopback", "benchmarks.soak"))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: "Producer") -> "LoadFileScheduling":
     """Each file is the work of one worker; sessions, daemons and their clocks are all one work, so that none meet."""
@@ -37,7 +44,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: "Producer") -> "Load
 
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "live" if nodeid.startswith(LIVE) else super()._split_scope(nodeid)
+            file = super()._split_scope(nodeid)
+            return "live" if file.startswith(LIVE) and is_live(config.rootpath / file) else file
 
     config.option.loadscopereorder = False  # or it begins with the file of most tests
     return Scheduling(config, log)

@@ -54,7 +54,7 @@ class ZenohConfig:
         "between two looks at what the robots of a fleet have mapped; a daemon saves its map once a minute or two",
     )
     odom_queue: int = option(6000, "messages", "60 s at 100 Hz: the pose needs every one, however late")
-    scan_queue: int = option(20, "messages", "half a second at 40 Hz: after a slow step only the latest scans matter")
+    scan_queue: int = option(100, "messages", "2.5 s at 40 Hz, a machine that stalls; of more every other is left out")
     security: SecurityConfig = field(default_factory=SecurityConfig)
 
 

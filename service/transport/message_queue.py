@@ -6,6 +6,7 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import Generic, TypeVar
 
 from wayfi.frontends.measurements import Sensor
@@ -19,6 +20,7 @@ TF_STATIC_MESSAGES = 100  # each is sent once, when its publisher starts: more t
 FIX_MESSAGES = 600  # 20 s of a camera that sees a fiducial
 INITIAL_POSES = 20  # each is a click of a person
 TF_MESSAGES = 12_000  # 60 s at 200 Hz, as of odometry, which may be in it
+EVENLY = 1.25  # times the shortest gap that a drop leaves: they pass for equal; from 1.5 on two in a row would go
 
 Item = TypeVar("Item")
 
@@ -69,8 +71,8 @@ def limits_of(config: ZenohConfig, topics: Mapping[Sensor, Sequence[str]]) -> di
 class MessageQueue(Generic[Item]):
     """Holds messages (`Received`) and any other items in the order of arrival; several threads fill it, one empties it.
 
-    Where a topic's messages exceed its limit, its oldest message is dropped. Other items are never dropped. Drops are
-    counted by topic and reason.
+    Where a topic's messages exceed its limit, they are thinned evenly: a laser that leads comes over small gaps, and
+    not over a long one. Other items are never dropped. Drops are counted by topic and reason.
     """
 
     def __init__(self, limits: Mapping[str, QueueLimit]) -> None:
@@ -85,7 +87,7 @@ class MessageQueue(Generic[Item]):
         self._changed = threading.Condition()
 
     def put(self, item: Item) -> None:
-        """Append an item; a message may drop older ones of its topic."""
+        """Append an item; a message may drop others of its topic."""
         with self._changed:
             self._items[self._next_number] = item
             if isinstance(item, Received):
@@ -138,7 +140,7 @@ class MessageQueue(Generic[Item]):
         with self._changed:
             for topic, numbers in self._numbers.items():
                 while numbers:
-                    self._drop_oldest(topic, QueueDrop.STOPPED)
+                    self._drop(numbers[0], topic, QueueDrop.STOPPED)
 
     def __len__(self) -> int:
         with self._changed:
@@ -162,16 +164,33 @@ class MessageQueue(Generic[Item]):
     def _drop_excess(self, topic: str) -> None:
         numbers, most = self._numbers[topic], self._limits[topic].messages
         while len(numbers) > most or self._bytes[topic] > QUEUE_BYTES:
-            self._drop_oldest(topic, QueueDrop.QUEUE_FULL)
+            for number in _dispensable(numbers):
+                self._drop(number, topic, QueueDrop.QUEUE_FULL)
 
-    def _drop_oldest(self, topic: str, reason: QueueDrop) -> None:
-        self._remove(self._numbers[topic][0])
+    def _drop(self, number: int, topic: str, reason: QueueDrop) -> None:
+        self._remove(number)
         self._dropped[topic][reason] += 1
 
     def _remove(self, number: int) -> Item:
-        """Remove an item; a message has to be the oldest of its topic."""
         item = self._items.pop(number)
         if isinstance(item, Received):
-            self._numbers[item.topic].popleft()
+            self._numbers[item.topic].remove(number)
             self._bytes[item.topic] -= len(item.data)
         return item
+
+
+def _dispensable(numbers: Sequence[int]) -> list[int]:
+    """Which of a topic's messages to drop, one at least: those whose neighbours came nearest to each other.
+
+    The oldest and the newest stay, but where there is nothing between them.
+    """
+    if len(numbers) < 3:
+        return [numbers[0]]
+    ordered, dropped = list(numbers), []
+    before, near = ordered[0], EVENLY * min(b - a for a, b in zip(ordered, ordered[2:], strict=False))
+    for number, after in pairwise(ordered[1:]):
+        if after - before <= near:
+            dropped.append(number)
+        else:
+            before = number
+    return dropped

@@ -82,7 +82,7 @@ class Soak:
                         self._look_after(publisher)
                 list(session.get("wayfi/command/reset", timeout=10.0))
         self._daemon.terminate()
-        return self._daemon.wait(timeout=60)
+        return self._daemon.wait(timeout=120)
 
     def _look_after(self, publisher: "subprocess.Popen[bytes]") -> None:
         """Look when five seconds are over, or the drive is."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from drives import Simulated, write
+from live.loopback import LONG_S
 from rerun.chunk import RrdReader
 
 
@@ -44,7 +45,7 @@ cli.main()
 
 def test_an_exception_leaves_what_was_logged(whole: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-c", FAILING, str(whole), "--out", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LONG_S, check=False)
     assert done.returncode == 1
     assert "out of luck" in done.stderr
     assert logged_poses(tmp_path / "session.rrd") > 30
@@ -66,7 +67,7 @@ def test_a_killed_replay_leaves_what_was_logged(whole: Path, tmp_path: Path, sen
         while process.poll() is None and not (rrd.exists() and rrd.stat().st_size > 300_000):
             time.sleep(0.02)
         process.send_signal(sent)
-        _, error = process.communicate(timeout=60)
+        _, error = process.communicate(timeout=LONG_S)
     assert (process.returncode, "Traceback" in error) == (code, False), error
     wait_until_still(rrd)  # the process that logs ends the file after the one that was killed
     assert logged_poses(rrd) > 5
@@ -78,9 +79,11 @@ def test_of_two_replays_at_once_the_second_is_refused_until_the_first_has_died(w
         while not (tmp_path / "partial").exists():
             assert first.poll() is None
             time.sleep(0.02)
-        second = subprocess.run([*command, "--quiet"], capture_output=True, text=True, timeout=60, check=False)
+        second = subprocess.run([*command, "--quiet"], capture_output=True, text=True, timeout=LONG_S, check=False)
         first.kill()
     told = f"wayfi: {tmp_path}: another run is writing its results there; wait for its end, or name another folder\n"
     assert (second.returncode, second.stderr) == (1, told)
-    third = subprocess.run([*command, "--no-rrd", "--quiet"], capture_output=True, text=True, timeout=60, check=False)
+    third = subprocess.run(
+        [*command, "--no-rrd", "--quiet"], capture_output=True, text=True, timeout=LONG_S, check=False
+    )
     assert (third.returncode, (tmp_path / "report.json").exists()) == (0, True), third.stderr

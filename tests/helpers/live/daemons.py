@@ -7,16 +7,16 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import zenoh
-from live.loopback import CLI, eventually, free_port
+from live.loopback import CLI, LONG_S, eventually, free_port
 
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.measurements import Odometry
+from wayfi.frontends.measurements import SECOND_NS, Odometry
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import encode
 from wayfi.recordings.ros.messages import DIAGNOSTIC_ARRAY, TYPESTORE
@@ -30,6 +30,7 @@ from wayfi.service.transport.zenoh_session import key_of, open_guest_session, op
 
 PREFIX = "robot7"
 ESTIMATOR = "wayfi.service.daemon.estimator"
+LOSSLESS = "zenoh.scan_queue=100000"  # however slow the estimation, all scans come to it
 
 
 def accepts(endpoint: str) -> bool:
@@ -51,7 +52,7 @@ def into(keep: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
 
 
 def asked_for(session: zenoh.Session, key: str) -> list[bytes]:
-    return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=5.0) if reply.ok]
+    return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=LONG_S) if reply.ok]
 
 
 @dataclass
@@ -86,20 +87,36 @@ class Running:
 
     def status(self) -> dict[str, str]:
         """The values of the newest status; none before the first."""
+        return self._status()[1]
+
+    def _status(self) -> tuple[int, dict[str, str]]:
+        """The stamp of the newest status, ns on the wall clock, and its values; 0 and none before the first."""
         if not self.samples["wayfi/status"]:
-            return {}
+            return 0, {}
         message = message_of(self.samples["wayfi/status"][-1], DIAGNOSTIC_ARRAY)
         (status,) = message.status
         assert status.name == "wayfi"
-        return {pair.key: pair.value for pair in status.values}
+        stamp = message.header.stamp
+        return stamp.sec * SECOND_NS + stamp.nanosec, {pair.key: pair.value for pair in status.values}
 
     def publish(self, recording: Path, rate: float | None) -> None:
         """Publish a recording; returns when it has been received."""
         publish_recording(recording, Config(zenoh=self.config), rate)
 
+    def settle(self, left: int = 0) -> None:
+        """Wait until so few of the messages received wait for the estimation: a stop drops what waits for too long."""
+        now_ns = time.time_ns()
+
+        def settled() -> bool:
+            stamp_ns, values = self._status()
+            waiting = sum(int(value) for key, value in values.items() if key.startswith("queue."))
+            return stamp_ns > now_ns and waiting <= left
+
+        eventually(settled)
+
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
-        _, self.stderr = self.process.communicate(timeout=30)
+        _, self.stderr = self.process.communicate(timeout=LONG_S)
         return self.process.returncode
 
     def kill(self) -> float:
@@ -129,11 +146,10 @@ class Running:
         """The numbers of its child processes, and theirs, that run `module`."""
         found, waiting = [], [self.process.pid]
         while waiting:
-            children = Path(f"/proc/{waiting.pop()}/task").glob("*/children")
-            numbers = [int(word) for path in children for word in path.read_text().split()]
+            numbers = _children(waiting.pop())
             found += numbers
             waiting += numbers
-        return [pid for pid in found if module in Path(f"/proc/{pid}/cmdline").read_text()]
+        return [pid for pid in found if module in _command(pid)]
 
     def fill_disk(self) -> None:
         """From now on no file that it writes can grow."""
@@ -160,6 +176,7 @@ def running(
         eventually(lambda: accepts(endpoint) or process.poll() is not None)
         with open_guest_session(config) as session:
             daemon = Running(process, settings, directory, config, session)
+            daemon.collect("wayfi/status")
             daemon.wait_until_alive()
             yield daemon
     finally:
@@ -177,6 +194,21 @@ def routing(endpoint: str) -> Iterator[zenoh.Session]:
 
 def alive(daemon: Running) -> bool:
     return any(reply.ok for reply in daemon.session.liveliness().get(daemon.key("wayfi/alive"), timeout=1.0))
+
+
+def _children(pid: int) -> list[int]:
+    """The child processes of one; none where it has ended."""
+    with suppress(OSError):
+        paths = Path(f"/proc/{pid}/task").glob("*/children")
+        return [int(word) for path in paths for word in path.read_text().split()]
+    return []
+
+
+def _command(pid: int) -> str:
+    """What a process runs; empty where it has ended."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    return ""
 
 
 def _launch(arguments: list[str]) -> "subprocess.Popen[str]":

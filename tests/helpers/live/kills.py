@@ -12,6 +12,8 @@ from wayfi.recordings.files.map_files import UNKNOWN
 from wayfi.recordings.mcap.parts import BLACKBOX, parts_of
 from wayfi.recordings.mcap.recording import open_recording
 
+WAITING = 10  # messages, at a kill: a twelfth of a second of them at twice real time
+
 
 @dataclass(frozen=True, slots=True)
 class Kill:
@@ -35,6 +37,7 @@ def kill_after(daemon: Running, seconds: float) -> Kill:
     """Kill a daemon that is ready so long from now, and start it again."""
     ready_s = time.monotonic()
     time.sleep(seconds)
+    daemon.settle(WAITING)  # what waits is not recorded yet: on a busy machine more than a kill may cost
     killed_s = daemon.kill()
     recorded = sum(1 for _ in open_recording(parts_of(daemon.folder, BLACKBOX)[-1]))
     cells = cells_of_map(daemon.folder)

@@ -30,6 +30,7 @@ ACCESS_RULES = """{
   },
 }"""
 CLI = [sys.executable, "-m", "wayfi.service.cli"]
+LONG_S = 120.0  # for what takes a second or two where nothing else runs
 
 
 def free_port() -> int:
@@ -43,7 +44,7 @@ def endpoint(protocol: str = "tcp") -> str:
     return f"{protocol}/127.0.0.1:{free_port()}"
 
 
-def eventually(condition: Callable[[], Any], seconds: float = 30.0) -> None:
+def eventually(condition: Callable[[], Any], seconds: float = LONG_S) -> None:
     """Wait until `condition` holds; fail where it does not for so long."""
     deadline_s = time.monotonic() + seconds
     while not condition():

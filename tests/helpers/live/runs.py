@@ -2,6 +2,7 @@
 
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ from live.daemons import Running, message_of
 from wayfi.backend.pose2 import Pose2
 from wayfi.frontends.measurements import SECOND_NS, Odometry, Sensor
 from wayfi.recordings.files.tum import read_tum
+from wayfi.recordings.mcap.blocks import RecordingError
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.ros.codec import decode
 from wayfi.recordings.ros.messages import POSE_WITH_COVARIANCE
 from wayfi.recordings.ros.ros_messages import Message
-from wayfi.recordings.ros.topics import Encoding
+from wayfi.recordings.ros.topics import CONTROL_TOPIC, Encoding
 from wayfi.recordings.trajectory import Trajectory
 from wayfi.service.drive.counters import merged
 from wayfi.service.evaluation.trajectory_scores import absolute_error
@@ -41,6 +43,13 @@ def stamp_ns(header: Message) -> int:
 def pose_of(message: Message) -> Pose2:
     p, q = message.pose.pose.position, message.pose.pose.orientation
     return Pose2(p.x, p.y, 2 * math.atan2(q.z, q.w))
+
+
+def recorded(daemon: Running) -> int:
+    """How many messages of sensors the black box holds: what a kill leaves."""
+    with suppress(RecordingError):  # there is nothing in it yet
+        return sum(record.topic != CONTROL_TOPIC for record in open_recording(daemon.folder))
+    return 0
 
 
 def report_of(folder: Path) -> dict[str, Any]:

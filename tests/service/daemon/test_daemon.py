@@ -4,7 +4,6 @@ import json
 import math
 import signal
 import subprocess
-import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from live.daemons import Running, message_of, odometry, running
+from live.daemons import LOSSLESS, Running, message_of, odometry, running
 from live.loopback import CLI, eventually
 from live.runs import (
     odometry_of,
     pose_of,
     poses_of,
+    recorded,
     stamp_ns,
 )
 from places import REAL_DATA
@@ -88,23 +88,16 @@ class Drive:
     exit_code: int
 
 
-def waiting(daemon: Running, poses: int) -> float:
-    """How many messages wait for the estimation, by a status after so many poses."""
-    status = daemon.status()
-    queued = sum(int(value) for key, value in status.items() if key.startswith("queue."))
-    return queued if int(status.get("poses", 0)) >= poses else math.inf
-
-
 @pytest.fixture(scope="module", params=[carpark, real_walk])
 def drive(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drive]:
     folder = tmp_path_factory.mktemp("drive")
     recording = request.param(folder)
-    with running(folder / "runs", "zenoh.scan_queue=100000") as daemon:
-        daemon.collect("wayfi/pose", "wayfi/tf", "wayfi/status", "wayfi/map")
+    with running(folder / "runs", LOSSLESS) as daemon:
+        daemon.collect("wayfi/pose", "wayfi/tf", "wayfi/map")
         daemon.publish(recording, None)
         count = len(odometry_of(recording))
         eventually(lambda: len(daemon.samples["wayfi/pose"]) >= count)
-        eventually(lambda: waiting(daemon, count) <= LEFT, seconds=60.0)
+        daemon.settle(LEFT)
         exit_code = daemon.stop()
         eventually(lambda: daemon.samples["wayfi/map"])
         yield Drive(recording, daemon, exit_code)
@@ -187,7 +180,7 @@ def test_the_black_box_holds_what_was_published_in_its_order(drive: Drive) -> No
 
 def test_json_and_garbage_and_a_kill(tmp_path: Path) -> None:
     with running(tmp_path / "runs") as daemon:
-        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.collect("wayfi/pose")
         put = partial(daemon.session.put, congestion_control=zenoh.CongestionControl.BLOCK)
         for number in range(10):
             put(daemon.key("odom"), odometry(number, Encoding.JSON), encoding=zenoh.Encoding.APPLICATION_JSON)
@@ -204,7 +197,7 @@ def test_json_and_garbage_and_a_kill(tmp_path: Path) -> None:
             "poses": "11",
         }
         eventually(lambda: expected.items() <= daemon.status().items())
-        time.sleep(1.0)  # what a kill may cost
+        eventually(lambda: recorded(daemon) == 19)
         daemon.process.kill()
         daemon.process.wait()
         fed = [record for record in open_recording(daemon.folder) if record.topic != CONTROL_TOPIC]

@@ -12,7 +12,7 @@ from typing import Any
 
 import rerun_cli
 from drives import Simulated, circling, write
-from live.daemons import ESTIMATOR, Robot, Running, accepts, asked_for, routing, running
+from live.daemons import ESTIMATOR, Robot, Running, accepts, routing, running
 from live.loopback import eventually, free_port
 from live.runs import assert_every_pose, assert_nothing_vanished, odometry_of, poses_of, replays_alike, stamp_ns
 
@@ -29,7 +29,10 @@ GROWTH_MB = 100  # of which 16 MiB are kept for viewers that come late
 
 
 def test_a_router_that_is_gone_for_a_while(minute: Simulated, tmp_path: Path) -> None:
-    recording = write(tmp_path / "recording.mcap", minute.arrivals)
+    cut = 2 * len(minute.arrivals) // 3
+    recording, rest = (
+        write(tmp_path / f"{n}.mcap", part) for n, part in enumerate((minute.arrivals[:cut], minute.arrivals[cut:]))
+    )
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as stack:
         first = stack.enter_context(ExitStack())
@@ -43,8 +46,11 @@ def test_a_router_that_is_gone_for_a_while(minute: Simulated, tmp_path: Path) ->
         time.sleep(1.0)
         before = len(poses_of(daemon))
         stack.enter_context(routing(endpoint))
-        eventually(lambda: len(poses_of(daemon)) > before + 50)
+        daemon.wait_until_alive()
         robot.finish()
+        daemon.publish(rest, 8.0)
+        daemon.settle()
+        assert len(poses_of(daemon)) > before + 50
         assert daemon.stop() == 0, daemon.stderr
     assert_every_pose(daemon, overtaken=minute.count(Odometry) // 2)
     assert replays_alike(daemon.folder, tmp_path / "replayed")
@@ -60,6 +66,7 @@ def test_a_viewer_that_stops_reading(minute: Simulated, tmp_path: Path) -> None:
         before_mb = memory_mb(log)
         daemon.publish(recording, RATE)
         assert memory_mb(log) - before_mb < GROWTH_MB
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert_every_pose(daemon)
     assert_nothing_vanished(daemon, recording)
@@ -101,7 +108,7 @@ def test_an_estimation_that_is_killed_delays_no_pose(minute: Simulated, tmp_path
         robot.finish()
         eventually(lambda: stamp_ns(poses_of(daemon)[-1].header) == last_ns)
         os.kill(second, signal.SIGCONT)
-        eventually(lambda: asked_for(daemon.session, daemon.key("wayfi/command/save")))  # all before it is estimated
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert len(daemon.lines("the estimation ended unexpectedly")) == 1
     assert not daemon.lines("resumed")
@@ -131,6 +138,7 @@ def test_a_drive_that_ends_the_estimation_each_time_is_left_for_a_new_run(tmp_pa
         daemon.collect("wayfi/pose")
         daemon.publish(recording, None)
         eventually(lambda: len(poses_of(daemon)) == 200)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert daemon.folder != lost
     assert not (lost / "running").exists()

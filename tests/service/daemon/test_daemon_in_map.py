@@ -3,7 +3,6 @@
 import json
 import shutil
 import subprocess
-import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,9 @@ import pytest
 from buildings.robots import drive
 from buildings.storey import ROUTE, storey
 from drives import Simulated, write
-from live.daemons import Running, asked_for, message_of, running
+from live.daemons import LOSSLESS, Running, asked_for, message_of, running
 from live.loopback import CLI, eventually
-from live.runs import poses_of, replays_alike, report_of
+from live.runs import poses_of, recorded, replays_alike, report_of
 
 from wayfi.frontends.measurements import SECOND_NS, Odometry
 from wayfi.frontends.pipeline import Pipeline
@@ -50,6 +49,14 @@ def next_day() -> Simulated:
     return drive(storey(), ROUTE[3:], day=1)
 
 
+@pytest.fixture(scope="module")
+def halves(next_day: Simulated, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The two halves of that drive as recordings."""
+    folder, half = tmp_path_factory.mktemp("halves"), len(next_day.arrivals) // 2
+    parts = (next_day.arrivals[:half], next_day.arrivals[half:])
+    return [write(folder / f"{n}.mcap", part) for n, part in enumerate(parts)]
+
+
 def errors(claimed: Trajectory, truth: Trajectory) -> tuple[np.ndarray, np.ndarray]:
     """How far the claimed poses are from the truth, m and rad; the map's origin is the first place of its drive."""
     true = truth.at(claimed.stamps_ns)
@@ -59,16 +66,17 @@ def errors(claimed: Trajectory, truth: Trajectory) -> tuple[np.ndarray, np.ndarr
 
 
 @pytest.fixture(scope="module")
-def ran(known: Path, next_day: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Running:
-    """A daemon that has localised the next day's drive."""
+def ran(known: Path, halves: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Running:
+    """A daemon that has localised the next day's drive, the robot found before its second half."""
     folder = tmp_path_factory.mktemp("ran")
-    recording = write(folder / "recording.mcap", next_day.arrivals)
-    with running(folder / "runs", "zenoh.ros=bridge", flags=("--map", str(known))) as daemon:
-        daemon.collect("wayfi/pose", "wayfi/tf", "wayfi/status", "tf")
+    with running(folder / "runs", LOSSLESS, "zenoh.ros=bridge", flags=("--map", str(known))) as daemon:
+        daemon.collect("wayfi/pose", "wayfi/tf", "tf")
         eventually(lambda: asked_for(daemon.session, daemon.key("map")))
         daemon.samples["map"] = asked_for(daemon.session, daemon.key("map"))
-        daemon.publish(recording, FASTER)
-        eventually(lambda: daemon.status().get("state") == "TRACKING")
+        daemon.publish(halves[0], FASTER)
+        eventually(lambda: poses_of(daemon) or daemon.status()["state"] == "TRACKING")
+        daemon.publish(halves[1], FASTER)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     return daemon
 
@@ -123,20 +131,21 @@ def test_its_replay_is_the_same_to_the_byte_or_says_which_map_it_misses(
         assert "of version 1 any more: put it back there" in line
 
 
-def test_a_daemon_that_is_killed_goes_on_in_its_map(known: Path, next_day: Simulated, tmp_path: Path) -> None:
+def test_a_daemon_that_is_killed_goes_on_in_its_map(
+    known: Path, next_day: Simulated, halves: list[Path], tmp_path: Path
+) -> None:
     half = len(next_day.arrivals) // 2
-    first, second = next_day.arrivals[:half], next_day.arrivals[half:]
-    parts = [write(tmp_path / f"{n}.mcap", part) for n, part in enumerate((first, second))]
-    with running(tmp_path / "runs", flags=("--map", str(known))) as daemon:
-        daemon.publish(parts[0], FASTER)
-        time.sleep(1.0)
+    with running(tmp_path / "runs", LOSSLESS, flags=("--map", str(known))) as daemon:
+        daemon.publish(halves[0], FASTER)
+        eventually(lambda: recorded(daemon) == half)
         daemon.kill()
         daemon.start_again()
-        daemon.publish(parts[1], FASTER)
+        daemon.publish(halves[1], FASTER)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert len(daemon.lines("resumed")) == 1
     claimed = read_tum(daemon.folder / "online.tum")
-    assert claimed.stamps_ns[-1] > second[0].at_ns
+    assert claimed.stamps_ns[-1] > next_day.arrivals[half].at_ns
     metres, _ = errors(claimed, next_day.truth)
     assert metres.max() < RIGHT_M
     assert replays_alike(daemon.folder, tmp_path / "again")
@@ -157,11 +166,12 @@ def test_the_mode_is_changed_on_the_way_and_back_in_the_map_made_so_far(tmp_path
     made = drive(storey(), [*ROUND, *ROUND[1:], *ROUND[1:]], day=2)
     cuts = np.linspace(0, len(made.arrivals), 4).astype(int)
     parts = [write(tmp_path / f"{n}.mcap", made.arrivals[a:b]) for n, (a, b) in enumerate(pairwise(cuts))]
-    with running(tmp_path / "runs") as daemon:
-        daemon.collect("wayfi/status", "wayfi/pose")
+    with running(tmp_path / "runs", LOSSLESS) as daemon:
+        daemon.collect("wayfi/pose")
         assert not asked(daemon, "mode", "localization")["ok"]
         for part, mode in zip(parts, ("localization", "mapping", ""), strict=True):
             daemon.publish(part, FASTER)
+            daemon.settle()
             if mode:
                 assert asked(daemon, "mode", mode)["ok"]
                 eventually(lambda mode=mode: daemon.status()["mode"] == mode)

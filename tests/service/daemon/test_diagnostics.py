@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from live.clocks import Clock
 
 from wayfi.backend.graph.health import State
 from wayfi.backend.pose2 import Pose2
@@ -10,16 +11,6 @@ from wayfi.service.config import load_config
 from wayfi.service.daemon import diagnostics
 from wayfi.service.daemon.diagnostics import STALE_S, Diagnostics
 from wayfi.service.transport.message_queue import MessageQueue, limits_of
-
-
-class Clock:
-    """The monotonic clock, set by hand."""
-
-    def __init__(self) -> None:
-        self.now_s = 1000.0
-
-    def monotonic(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ BUDGET_MB = 20
 def test_a_full_disk(minute: Simulated, tmp_path: Path) -> None:
     recording = write(tmp_path / "recording.mcap", minute.arrivals)
     with running(tmp_path / "runs") as daemon:
-        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.collect("wayfi/pose")
         daemon.fill_disk()
         daemon.publish(recording, RATE)
         eventually(lambda: len(poses_of(daemon)) == minute.count(Odometry))
@@ -36,9 +36,10 @@ def test_a_full_disk(minute: Simulated, tmp_path: Path) -> None:
 def test_room_that_is_left_to_others(minute: Simulated, tmp_path: Path) -> None:
     recording = write(tmp_path / "recording.mcap", minute.arrivals)
     with running(tmp_path / "runs", "recording.keep_free_mb=1e12") as daemon:
-        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.collect("wayfi/pose")
         daemon.publish(recording, 8.0)
         eventually(lambda: int(daemon.status()["unrecorded"]) > 0)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert_every_pose(daemon)
     (line,) = daemon.lines("recording stopped")
@@ -56,6 +57,7 @@ def test_many_parts_and_a_budget(tmp_path: Path) -> None:
     small = ("recording.part_mb=0.01", "rerun.part_mb=0.1", f"recording.budget_mb={BUDGET_MB}")
     with running(tmp_path / "runs", *small) as daemon:
         daemon.publish(recording, RATE / 3)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert not list(older.iterdir())
     parts, sessions = (parts_of(daemon.folder, kind) for kind in KINDS)

@@ -47,8 +47,9 @@ def driven(tmp_path: Path, arrivals: list[Arrival], *settings: str) -> Running:
     """A daemon that was given `arrivals` and stopped, with what holds for every drive asserted."""
     recording = write(tmp_path / "recording.mcap", arrivals)
     with running(tmp_path / "runs", *settings) as daemon:
-        daemon.collect("wayfi/pose", "wayfi/status")
+        daemon.collect("wayfi/pose")
         daemon.publish(recording, RATE)
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     assert_nothing_vanished(daemon, recording)
     assert replays_alike(daemon.folder, tmp_path / "replayed")

@@ -8,20 +8,18 @@ from pathlib import Path
 
 import pytest
 from drives import RESULT_FILES, Simulated, circling, run, write
-from live.daemons import ESTIMATOR, Robot, Running, routing, running
+from live.daemons import ESTIMATOR, Robot, asked_for, routing, running
 from live.kills import kill_after
 from live.loopback import eventually, free_port
-from live.runs import error_m, replays_alike
+from live.runs import error_m, recorded, replays_alike
 
 from wayfi.recordings.files.tum import read_tum
-from wayfi.recordings.mcap.blocks import RecordingError
 from wayfi.recordings.mcap.recording import open_recording
-from wayfi.recordings.ros.topics import CONTROL_TOPIC
 from wayfi.service.blackbox.checkpoint import CHECKPOINT
 from wayfi.service.daemon.estimator_process import CHECKPOINT_EVERY
+from wayfi.service.transport.subscribers import SYNC
 
 KILLED_S = 1.0
-PATIENCE_S = 120.0  # a busy machine's
 HOLES_M = 0.05  # what rough wheels alone may drift by, over three holes of 3 to 4 s at twice real time
 
 
@@ -35,6 +33,7 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
         robot.start()
         kills = [kill_after(daemon, chance.uniform(1.0, 3.0)) for _ in range(3)]
         robot.finish()
+        daemon.settle()
         assert daemon.stop() == 0, daemon.stderr
     folder = daemon.folder
     kept = {record.data for record in open_recording(folder)}
@@ -49,25 +48,17 @@ def test_three_kills(longer: Simulated, tmp_path: Path) -> None:
     assert error_m(daemon.folder, longer.truth) < 1.2 * undisturbed_m + HOLES_M
 
 
-def recorded(daemon: Running) -> int:
-    """How many messages its black box holds."""
-    try:
-        return sum(record.topic != CONTROL_TOPIC for record in open_recording(daemon.folder))
-    except RecordingError:  # nothing so far
-        return 0
-
-
 def test_a_checkpoint_comes_however_often_it_is_killed(tmp_path: Path) -> None:
     arrivals, half = list(circling(5 * CHECKPOINT_EVERY // 4)), CHECKPOINT_EVERY // 2
     first, second = (write(tmp_path / f"{n}.mcap", part) for n, part in enumerate((arrivals[:half], arrivals[half:])))
     with running(tmp_path / "runs") as daemon:
         daemon.publish(first, None)
-        eventually(lambda: recorded(daemon) == half, PATIENCE_S)
+        eventually(lambda: recorded(daemon) == half)
         daemon.kill()
         assert not (daemon.folder / CHECKPOINT).exists()
         daemon.start_again()
         daemon.publish(second, None)
-        eventually((daemon.folder / CHECKPOINT).exists, PATIENCE_S)
+        eventually((daemon.folder / CHECKPOINT).exists)
         assert daemon.stop() == 0, daemon.stderr
     assert replays_alike(daemon.folder, tmp_path / "replayed")
 
@@ -76,14 +67,15 @@ def test_a_run_that_is_stopped_while_it_recovers_has_its_results(tmp_path: Path)
     recording = write(tmp_path / "recording.mcap", circling(200))
     with running(tmp_path / "runs") as daemon:
         daemon.publish(recording, None)
-        eventually(lambda: recorded(daemon) == 200, PATIENCE_S)
+        eventually(lambda: recorded(daemon) == 200)
         daemon.kill()
         daemon.launch_again()
-        eventually(lambda: daemon.processes(ESTIMATOR), PATIENCE_S)
+        eventually(lambda: daemon.processes(ESTIMATOR))
         (estimator,) = daemon.processes(ESTIMATOR)
         os.kill(estimator, signal.SIGSTOP)
+        eventually(lambda: asked_for(daemon.session, daemon.key(SYNC)))  # it receives what the drive goes on with
         daemon.process.send_signal(signal.SIGTERM)
-        time.sleep(0.5)  # in which the daemon requests the results
+        eventually(lambda: not asked_for(daemon.session, daemon.key(SYNC)))  # nor does it any more
         os.kill(estimator, signal.SIGCONT)
         assert daemon.stop() == 0, daemon.stderr
     assert not daemon.lines('"ready"')

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from live.loopback import CLI, free_port
+from live.loopback import CLI, LONG_S, free_port
 
 
 def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
@@ -14,7 +14,7 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
         holder.listen()
         port = holder.getsockname()[1]
         words = ["--set", f"zenoh.listen=['tcp/127.0.0.1:{port}']", "--set", f"recording.directory={tmp_path}/runs"]
-        done = subprocess.run([*CLI, "run", *words], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([*CLI, "run", *words], capture_output=True, text=True, timeout=LONG_S)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert str(port) in line
@@ -28,7 +28,7 @@ def test_a_directory_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
         *("--set", f"zenoh.listen=['tcp/127.0.0.1:{free_port()}']", "--set", f"rerun.port={free_port()}"),
         *("--set", f"recording.directory={tmp_path / 'file' / 'runs'}"),
     ]
-    done = subprocess.run([*CLI, "run", *words], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*CLI, "run", *words], capture_output=True, text=True, timeout=LONG_S)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"wayfi: {tmp_path}/file/runs")
@@ -37,7 +37,7 @@ def test_a_directory_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("setting", ["zenoh.no_key=1", "zenoh.security.password=secret", "zenoh.odom_queue=0"])
 def test_an_unknown_or_wrong_setting_is_one_line(setting: str) -> None:
-    done = subprocess.run([*CLI, "run", "--set", setting], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*CLI, "run", "--set", setting], capture_output=True, text=True, timeout=LONG_S)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"wayfi: {setting.partition('=')[0]}: ")

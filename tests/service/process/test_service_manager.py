@@ -3,13 +3,14 @@
 import os
 import secrets
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from live.clocks import Clock
 
+from wayfi.service.process import service_manager
 from wayfi.service.process.service_manager import ServiceManager
 
 
@@ -59,11 +60,13 @@ def test_it_is_notified_three_times_in_the_watchdogs_time(
 ) -> None:
     monkeypatch.setenv("WATCHDOG_USEC", "300000")
     monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
+    clock = Clock()
+    monkeypatch.setattr(service_manager, "time", clock)
     service = ServiceManager()
     service.alive()
     service.alive()
     assert waiting(manager) == ["WATCHDOG=1"]
-    time.sleep(0.11)
+    clock.sleep(0.11)
     service.alive()
     assert waiting(manager) == ["WATCHDOG=1"]
 

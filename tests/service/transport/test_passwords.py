@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from live.loopback import CLI, as_user, daemon_process, endpoint, eventually, logged, secret, settings_words
+from live.loopback import CLI, LONG_S, as_user, daemon_process, endpoint, eventually, logged, secret, settings_words
 
 from wayfi.recordings.mcap.writer import McapWriter
 from wayfi.recordings.ros.messages import ODOMETRY
@@ -50,7 +50,7 @@ def test_a_wrong_password_ends_publish_and_record_with_one_line(users: Path, tmp
     words = settings_words(replace(daemon, security=as_user(tmp_path, "alice", "guessed")))
     with open_session(daemon):
         for command in (["publish", str(recording)], ["record", "--out", str(tmp_path / "out.mcap")]):
-            done = subprocess.run([*CLI, *command, *words], capture_output=True, text=True, timeout=60)
+            done = subprocess.run([*CLI, *command, *words], capture_output=True, text=True, timeout=LONG_S)
             assert done.returncode == 1
             (line,) = done.stderr.splitlines()
             assert "refuses us: we show user 'alice'" in line
@@ -77,6 +77,6 @@ def test_a_refused_daemon_logs_it_once_and_connects_when_it_may(mode: str, users
         with open_session(router):
             eventually(lambda: logged(log, "connected"))
             process.send_signal(signal.SIGTERM)
-            assert process.wait(timeout=30) == 0
+            assert process.wait(timeout=LONG_S) == 0
     (refused,) = [line["text"] for line in logged(log, "waiting") if "refuses us" in line["text"]]
     assert "user 'carol'" in refused

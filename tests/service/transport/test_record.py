@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 from live.daemons import odometry
-from live.loopback import CLI, eventually, free_port
+from live.loopback import CLI, LONG_S, eventually, free_port
 
 from wayfi.recordings.mcap.recording import open_recording
 from wayfi.recordings.mcap.writer import McapWriter
@@ -32,6 +32,6 @@ def test_what_is_recorded_is_what_was_published(tmp_path: Path) -> None:
         eventually(lambda: has_subscriber(publisher))
         summary = publish_recording(recording, Config(zenoh=config), None)
         recorder.send_signal(signal.SIGINT)
-        assert recorder.wait(timeout=30) == 0
+        assert recorder.wait(timeout=LONG_S) == 0
     assert summary.messages == {"/odom": 50}
     assert [(r.topic, r.data) for r in open_recording(out)] == [(r.topic, r.data) for r in open_recording(recording)]

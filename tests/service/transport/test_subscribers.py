@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from live.loopback import eventually, free_port
+from live.loopback import LONG_S, eventually, free_port
 from zenoh.ext import (
     CacheConfig,
     Int64,
@@ -48,7 +48,7 @@ class Listening:
 
     def popped(self) -> list[tuple[Sensor, Encoding, bytes]]:
         """All that was put until now and not popped yet."""
-        replies = list(self.peer.get(key_of(self.config, SYNC), timeout=10.0))
+        replies = list(self.peer.get(key_of(self.config, SYNC), timeout=LONG_S))
         assert all(reply.ok for reply in replies)
         assert replies
         found = []

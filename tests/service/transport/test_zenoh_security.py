@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from live.loopback import ACCESS_RULES, Authority, daemon_process, endpoint, secret, with_certificate
+from live.loopback import ACCESS_RULES, LONG_S, Authority, daemon_process, endpoint, secret, with_certificate
 
 from wayfi.service.config import SecurityConfig, ZenohConfig
 from wayfi.service.transport.zenoh_security import SecurityError
@@ -86,6 +86,6 @@ def test_a_file_with_wrong_contents_is_refused(key: str, text: str, why: str, tm
 def test_a_missing_file_ends_the_daemon_with_one_line(tmp_path: Path) -> None:
     security = SecurityConfig(users_file=str(tmp_path / "none"))
     with daemon_process(ZenohConfig(listen=[endpoint()], security=security), tmp_path) as (process, log):
-        assert process.wait(timeout=60) == 1
+        assert process.wait(timeout=LONG_S) == 1
     (line,) = log.read_text().splitlines()
     assert line.startswith("wayfi: zenoh.security.users_file")

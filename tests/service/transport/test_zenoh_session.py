@@ -51,7 +51,7 @@ def test_a_message_that_is_too_large_is_dropped_and_the_next_is_received() -> No
 def test_nothing_listens_beyond_loopback_unless_told_to(tmp_path: Path) -> None:
     config = ZenohConfig(listen=[endpoint()])
     with daemon_process(config, tmp_path) as (process, log):
-        eventually(lambda: logged(log, "ready"), 120.0)
+        eventually(lambda: logged(log, "ready"))
         whole = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
         found = [c for p in whole for c in p.net_connections("inet") if c.status in (psutil.CONN_LISTEN, "NONE")]
     assert {f"tcp/{c.laddr.ip}:{c.laddr.port}" for c in found} >= {config.listen[0]}

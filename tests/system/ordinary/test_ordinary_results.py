@@ -13,6 +13,7 @@ import pytest
 from command_line import obey_permissions
 from command_line import wayfi as wayfi_in_process
 from drives import RESULT_FILES, Simulated, cli, run, write
+from live.loopback import LONG_S
 
 import wayfi
 from wayfi.recordings.files.map_folder import files_of_a_map
@@ -82,7 +83,7 @@ def interrupted(recording: Path, out: Path, sent: signal.Signals, *options: str)
             time.sleep(0.02)
         time.sleep(2.5)
         process.send_signal(sent)
-        said, error = process.communicate(timeout=60)
+        said, error = process.communicate(timeout=LONG_S)
     return subprocess.CompletedProcess(command, process.returncode, said, error)
 
 
@@ -132,7 +133,7 @@ def started(before: Callable[[], None], *arguments: str | Path) -> "subprocess.C
     command = [sys.executable, "-m", "wayfi.service.cli", *map(str, arguments)]
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        command, preexec_fn=before, capture_output=True, text=True, env=environment, timeout=90, check=False
+        command, preexec_fn=before, capture_output=True, text=True, env=environment, timeout=LONG_S, check=False
     )
 
 
