@@ -1,8 +1,11 @@
 """Point-to-line ICP in the plane, with the motion model as a prior and a covariance from its Hessian.
 
 Point-to-line after Censi, "An ICP variant using a point-to-line metric" (ICRA 2008), with a Cauchy kernel that narrows
-with the gate. Along a direction that the walls do not constrain, the pose stays where the prior puts it, and the
-information of the result is zero.
+with the gate. Once it is narrow, a point beyond the end of what the target has seen of a wall is compared with nothing
+(Turk and Levoy, "Zippered polygon meshes from range images", SIGGRAPH 1994): in a corridor the lines that end there
+pull the pose back. Before, the guess may be further off than points are apart, so that no end can be told. Along a
+direction that the walls do not constrain, the pose stays where the prior puts it, and the information of the result is
+zero.
 """
 
 import math
@@ -36,6 +39,9 @@ class IcpConfig:
     sigma_m: float = option(0.03, "m", "noise of a range and of the wall that it is compared with, at the first guess")
     least_sigma_m: float = option(0.01, "m", "the noise is estimated from the residuals; a good laser's is no less")
     max_turned_rad: float = option(0.8, "rad", "between a point's normal and its wall's; beyond, it is another face")
+    extent_m: float = option(
+        0.06, "m", "of wall on each side of a point: as far as thinned points are apart, where beams are not further"
+    )
     correlated_points: float = option(8.0, "", "neighbouring beams err together: so many count as one")
 
 
@@ -63,6 +69,7 @@ class _IcpParams(NamedTuple):
     inlier_m: float
     sigma_m: float
     least_sigma_m: float
+    extent_m: float
     correlated_points: float
     min_cos: float
 
@@ -70,7 +77,7 @@ class _IcpParams(NamedTuple):
     def of(cls, config: IcpConfig) -> "_IcpParams":
         return cls(
             config.iterations, config.gate_start_m, config.gate_end_m, config.gate_factor, config.kernel_share,
-            config.inlier_m, config.sigma_m, config.least_sigma_m, config.correlated_points,
+            config.inlier_m, config.sigma_m, config.least_sigma_m, config.extent_m, config.correlated_points,
             math.cos(config.max_turned_rad),
         )  # fmt: skip
 
@@ -102,10 +109,13 @@ def _align(
     pose = guess.copy()
     variance = params.sigma_m * params.sigma_m
     information = np.zeros((3, 3))
+    extents_m, anywhere_m = _extents_m(points, params.extent_m), np.full(points.shape[0], np.inf)
     for iteration in range(params.iterations):
         gate_m = max(params.gate_end_m, params.gate_start_m * params.gate_factor**iteration)
         narrow = gate_m <= params.gate_end_m
-        information, gradient, weights, squares = _normal_equations(points, normals, target, pose, gate_m, params)
+        information, gradient, weights, squares = _normal_equations(
+            points, normals, extents_m if narrow else anywhere_m, target, pose, gate_m, params
+        )
         if narrow and weights > 0:
             variance = max(params.least_sigma_m * params.least_sigma_m, squares / weights)
         information /= variance * params.correlated_points
@@ -120,8 +130,32 @@ def _align(
 
 
 @njit(cache=True)
+def _extents_m(points: Floats, least_m: float) -> Floats:
+    """(n,) how far (m) along its wall a point may be from the one that it is compared with.
+
+    That is the spacing of the points there. A submap of several scans is denser; what is further off is beyond its end.
+    """
+    n = points.shape[0]
+    extents_m = np.full(n, least_m)
+    for i in range(n):
+        spacing_m = np.inf
+        for j in (i - 1, i + 1):
+            if 0 <= j < n:
+                spacing_m = min(spacing_m, np.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]))
+        if spacing_m < np.inf:
+            extents_m[i] = max(least_m, spacing_m)
+    return extents_m
+
+
+@njit(cache=True)
 def _normal_equations(
-    points: Floats, normals: Floats, target: PointIndex, pose: Floats, gate_m: float, params: _IcpParams
+    points: Floats,
+    normals: Floats,
+    extents_m: Floats,
+    target: PointIndex,
+    pose: Floats,
+    gate_m: float,
+    params: _IcpParams,
 ) -> tuple[Floats, Floats, float, float]:
     """Sums over the correspondences: w J J' (3, 3), w J e (3,), w and w e^2 of their weights w and residuals e (m)."""
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
@@ -141,7 +175,10 @@ def _normal_equations(
         turned_x, turned_y = c * normals[i, 0] - s * normals[i, 1], s * normals[i, 0] + c * normals[i, 1]
         if not turned_x * nx + turned_y * ny >= params.min_cos:
             continue  # another face
-        error = nx * (x - walls[k, 0]) + ny * (y - walls[k, 1])
+        dx, dy = x - walls[k, 0], y - walls[k, 1]
+        if abs(nx * dy - ny * dx) > extents_m[i]:
+            continue  # beyond the end of what was seen of the wall
+        error = nx * dx + ny * dy
         weight = 1.0 / (1.0 + (error / scale_m) ** 2)
         weights += weight
         squares += weight * error * error

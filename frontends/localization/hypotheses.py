@@ -10,7 +10,7 @@ from wayfi.frontends.localization.local_track import KEPT, LocalTrack, moved_cov
 from wayfi.frontends.localization.localization_config import ClaimConfig
 from wayfi.frontends.localization.map_matching import Agreement, Fix, error
 
-QUALITY_GAIN = 0.25  # of the newest fix in the mean quality: that of the last four
+QUALITY_FIXES = 8  # in the mean quality, the newest ones: over fewer, now and then another building fits well
 APART_SCALE = 4.0  # of the covariance after a scan that fits apart: wheels turn by more than they admit at times
 SAME_M, SAME_RAD = 0.4, 0.15  # nearer than this, two hypotheses are one
 
@@ -20,9 +20,10 @@ class Hypothesis:
     """The robot is at `T_map_base` on a `floor` at the local `keyframe`, with (3, 3) covariance in `map`.
 
     `evidence` (nats) sums what its fixes lack of a good fit; `proposed` searches found it. `quality` is the mean one of
-    its last fixes. `agreed` fixes agree and none between them contradicts the map, over `agreed_m` of path and
-    `agreed_rad` of turns; `all_agreed` if every one between them agrees. The last `unsure` ones do not, of which the
-    last `contradicted` ones contradict the map. Only fixes at other places than the one before count.
+    its last fixes, of all that `counted`. `agreed` fixes agree and none between them contradicts the map, over
+    `agreed_m` of path and `agreed_rad` of turns; `all_agreed` if every one between them agrees. The last `unsure` ones
+    do not, of which the last `contradicted` ones contradict the map. Only fixes at other places than the one before
+    count.
     """
 
     T_map_base: Pose2
@@ -32,6 +33,7 @@ class Hypothesis:
     floor: int = 0
     proposed: int = 1
     quality: float = 1.0
+    counted: int = 0
     agreed: int = 0
     all_agreed: bool = True
     agreed_from_m: float = 0.0
@@ -91,7 +93,8 @@ class Hypothesis:
             self._count(fix, path_m, turned, config)
 
     def _count(self, fix: Fix, path_m: float, turned: float, config: ClaimConfig) -> None:
-        self.quality += QUALITY_GAIN * (fix.quality - self.quality)
+        self.counted += 1
+        self.quality += (fix.quality - self.quality) / min(self.counted, QUALITY_FIXES)
         self.evidence += config.evidence_per_fit * min(fix.quality - config.good_quality, 0.0)
         if fix.agreement is Agreement.AGREES:
             self.agreed_from_m = path_m if self.agreed == 0 else self.agreed_from_m

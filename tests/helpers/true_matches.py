@@ -110,9 +110,9 @@ def own_world(run: Run, most: int) -> Errors:
     return match_errors(scans, run.drive.poses(seconds))
 
 
-def other_world(tool: Path, world: str, folder: Path, minutes: float, seed: int) -> Errors:
-    """The errors in a rough drive of the other simulator, `tool`, made in `folder`."""
-    made = [sys.executable, tool, world, folder, "--rough", "--no-log", "--scan-hz", "5"]
+def other_world(tool: Path, world: str, folder: Path, minutes: float, seed: int, rough: bool = True) -> Errors:
+    """The errors in a drive of the other simulator, `tool`, made in `folder`."""
+    made = [sys.executable, tool, world, folder, "--no-log", "--scan-hz", "5", *(["--rough"] if rough else [])]
     subprocess.run([*made, "--minutes", str(minutes), "--seed", str(seed)], check=True, capture_output=True)
     return recorded(folder / "recording.mcap", folder / "truth.tum")
 

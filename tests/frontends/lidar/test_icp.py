@@ -91,6 +91,55 @@ def test_in_a_corridor_the_prior_decides_along_it_and_the_walls_across() -> None
     assert abs(match.T_submap_scan.theta) < 0.005
 
 
+WALLS = 0.06 * np.arange(-50, 17)  # x, m, of the points that a submap has of a corridor's two walls
+
+
+def corridor_points(x: Floats, half_width_m: float) -> tuple[Floats, Floats]:
+    """Points (2 n, 2) of both walls of a corridor along x at `x` (n,), and their normals."""
+    y = np.repeat([half_width_m, -half_width_m], len(x))
+    points = np.column_stack([np.tile(x, 2), y])
+    return points, np.column_stack([np.zeros(len(y)), -np.sign(y)])
+
+
+def scan_of(*parts: tuple[Floats, Floats]) -> ScanPoints:
+    points, normals = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return ScanPoints(points, normals, Pose2())
+
+
+def test_walls_beyond_the_end_of_what_the_submap_has_seen_do_not_pull() -> None:
+    seen, end = corridor_points(WALLS, 1.2), (np.array([[-3.1, 0.0]]), np.array([[1.0, 0.0]]))
+    seen[1][[len(WALLS) - 1, -1], 0] = 0.15  # the last line of each wall slants, as where a niche begins
+    points, normals = (np.concatenate(arrays) for arrays in zip(seen, end, strict=True))
+    target = build_index(points, normals, LIDAR.cell_m)
+    niches = corridor_points(WALLS[-1] + np.array([0.07, 0.10, 0.13, 0.16]), 1.3)
+    without, result = (
+        icp(scan, target, Pose2(), 100.0 * np.eye(3), IcpConfig())
+        for scan in (scan_of((points, normals)), scan_of((points, normals), niches))
+    )
+    np.testing.assert_allclose(result.T_target_scan.array(), without.T_target_scan.array(), atol=1e-9)
+    np.testing.assert_allclose(result.information, without.information, atol=1e-9)
+
+
+def test_walls_between_coarse_beams_count() -> None:
+    seen = corridor_points(5.0 * WALLS, 1.2)
+    scan = scan_of(corridor_points(5.0 * WALLS[:-1] + 0.14, 1.2))
+    result = icp(scan, build_index(*seen, LIDAR.cell_m), Pose2(0.0, 0.05, 0.01), NO_PRIOR, IcpConfig())
+    assert abs(result.T_target_scan.y) < 1e-3
+    assert abs(result.T_target_scan.theta) < 1e-3
+    assert math.sqrt(covariance_of(result)[1, 1]) < 0.01
+
+
+def test_short_walls_lead_a_guess_that_is_further_off_than_they_are_long() -> None:
+    along, across = np.array([0.0, 0.06, 0.12]), np.zeros(3)
+    corners = np.array([[3.0, 2.0], [-3.0, 2.0], [3.0, -2.0], [-3.0, -2.0]])  # m, of walls of 12 cm
+    faces = np.concatenate([np.column_stack([along, across]), np.column_stack([across, along])])
+    points = np.concatenate([corner + np.sign(corner) * faces for corner in corners])
+    normals = np.concatenate([-np.sign(corner) * np.repeat([[0.0, 1.0], [1.0, 0.0]], 3, axis=0) for corner in corners])
+    target = build_index(points, normals, LIDAR.cell_m)
+    result = icp(scan_of((points, normals)), target, Pose2(0.25, 0.2, 0.0), NO_PRIOR, IcpConfig())
+    assert math.hypot(result.T_target_scan.x, result.T_target_scan.y) < 0.01
+
+
 def test_without_overlap_nothing_matches_and_the_guess_stays() -> None:
     rng = np.random.default_rng(5)
     submap = submap_at(HALL, [Pose2()], rng)

@@ -87,12 +87,14 @@ def test_a_robot_that_is_switched_on_anywhere_is_found_within_some_metres(
     assert max(errors_m(seen)) < 0.15
 
 
-@pytest.mark.parametrize(("wifi", "size"), [(True, 1.0), (False, 0.9)])
+@pytest.mark.parametrize(
+    ("wifi", "size", "first_m"), [(True, 1.0, 10.0), (False, 0.9, 10.0), (False, 0.9, 25.0), (False, 0.9, 35.0)]
+)
 def test_a_robot_in_another_hall_is_never_claimed_to_be_in_this_one(
-    building: BuildingMap, wifi: bool, size: float
+    building: BuildingMap, wifi: bool, size: float, first_m: float
 ) -> None:
     robot, other = Robot(building, wifi=wifi), hall(5, "bb")
-    seen = robot.drive(replace(other, walls=size * other.walls), around(10.0, 30.0, inset_m=6.0))
+    seen = robot.drive(replace(other, walls=size * other.walls), around(first_m, 30.0, inset_m=6.0))
     assert errors_m(seen) == []
     assert robot.core.anchor() is None
 
