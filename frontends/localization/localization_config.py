@@ -84,7 +84,7 @@ class ClaimConfig:
     )
     most_below_best: float = option(5.0, "nats", "that WiFi may put a place below its best one: half a turn is more")
     least_in_map: float = option(0.5, "", "of WiFi's belief that is in this map: with less of it nothing is claimed")
-    min_quality: float = option(0.7, "", "of the last fixes where WiFi names the place as well; 1 is a perfect fit")
+    min_quality: float = option(0.6, "", "of the last fixes where WiFi names the place as well; 1 is a perfect fit")
     min_quality_alone: float = option(0.85, "", "the same without WiFi; other buildings were seen to reach 0.8")
     twin_quality: float = option(0.1, "", "by which a place on another floor fits worse where there is no WiFi to tell")
     drop_gain: float = option(12.0, "nats", "by which a hypothesis is worse than the best one and is dropped")

@@ -116,3 +116,15 @@ def test_between_walls_that_leave_the_place_open_a_longer_way_has_to_agree(
     assert (
         why_not_confirmed(cluster, support(0.04) if wifi else WifiSupport(()), True, ClaimConfig()) is None
     ) == confirmed
+
+
+@pytest.mark.parametrize(
+    ("wifi", "quality", "confirmed"), [(True, 0.65, True), (True, 0.55, False), (False, 0.8, False), (False, 0.9, True)]
+)
+def test_scans_may_fit_the_map_less_well_where_wifi_names_the_place(
+    wifi: bool, quality: float, confirmed: bool
+) -> None:
+    at = Hypothesis(Pose2(3.0, 4.0, 0.2), 1e-3 * np.eye(3), 5, quality=quality, agreed=4, agreed_to_m=1.5)
+    cluster = Cluster(at, 5, at.T_map_base, at.covariance, gain=10.0, rivals=0, proposed=1)
+    heard = support(0.04) if wifi else WifiSupport(())
+    assert (why_not_confirmed(cluster, heard, True, ClaimConfig()) is None) == confirmed
