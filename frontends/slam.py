@@ -7,7 +7,8 @@ from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.grid.floor_grids import FloorGrids
 from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
-from wayfi.frontends.axis_headings import AxisHeadings
+from wayfi.frontends.axes.axis_headings import AxisHeadings
+from wayfi.frontends.axes.wall_headings import WallHeadings
 from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.closures.fix_closer import FixCloser, OutsideFix
 from wayfi.frontends.closures.heard_ahead import learn_heard_ahead
@@ -39,7 +40,7 @@ from wayfi.frontends.wifi.fingerprints import WifiCandidate
 from wayfi.frontends.wifi.readings import PlacedWifiScan
 from wayfi.frontends.wifi.wifi_frontend import WifiFrontend
 
-ANYWHERE_M, ANYWHERE_RAD = 1e3, 10.0  # sigmas of the way from a map to the beginning of a drive, which is unknown
+ANYWHERE = diagonal_covariance(1e3, 10.0)  # of the way from a map to the beginning of a drive, which is unknown
 
 
 class SlamCore:
@@ -95,8 +96,7 @@ class SlamCore:
 
     def anchor(self) -> Anchor | None:
         """The newest keyframe as the anchor of poses since then; None while the pose is not claimed."""
-        estimate, point = self._estimate, self.keyframes.newest.point
-        scale = self.steps.covariance_scale
+        estimate, point, scale = self._estimate, self.keyframes.newest.point, self.steps.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
@@ -117,9 +117,9 @@ class SlamCore:
         if self.keyframe_count:
             self._connect(point, tracked, number)
         elif number:
-            T = Pose2.of(self.poses[-1]).between(guess)
-            self._graph.add(BetweenFactor(number - 1, number, T, diagonal_covariance(ANYWHERE_M, ANYWHERE_RAD)))
+            self._graph.add(BetweenFactor(number - 1, number, Pose2.of(self.poses[-1]).between(guess), ANYWHERE))
         self._append(point, placed, guess)
+        self._walls.follow(self.poses, self._estimate.covariance[2, 2], self._lidar_closer.variance_factor.value)
         updated = self._estimate.update(point.stamp_ns)
         added, *matched = keyframe_events(number, self.keyframes[number], tracked, self.poses)
         events = [added, *updated, *matched]
@@ -179,14 +179,13 @@ class SlamCore:
         The matches stay as they are, for they relate scans; what the wheels say between them changes.
         """
         moved = self.keyframes.shift(round(seconds * SECOND_NS), trajectories)
-        points = [k.point for k in self.keyframes.own]
-        self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(points)])
+        self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(k.point for k in self.keyframes.own)])
         self._laser_clock = LaserClock(self._config.lidar.clock)
         return self._verdicts.move_stamps(moved)
 
     def forget_scans(self, reason: str) -> list[Event]:
         """Remove all scans so far, and what they contributed, from the graph and the grid."""
-        for number in self._matches:
+        for number in [*self._matches, *self._walls.sigmas_rad]:
             self._graph.remove(number)
         self.keyframes.forget_scans()
         self._start_tracking()
@@ -219,6 +218,7 @@ class SlamCore:
     def _settle(self, stamp_ns: int) -> list[Event]:
         """Use the last WiFi candidates, and what only the whole drive tells; review all closures after each."""
         events = self._close_by_wifi(self._wifi.released(at_end=True), stamp_ns, last=True)
+        self._walls.weigh_again(self._lidar_closer.variance_factor.value)
         events += self._settle_reviewed(stamp_ns)
         claims = self._wifi_closer.claims
         for learn in (self._axes.decide_again, self._axes.join_wings, lambda: learn_heard_ahead(self._graph, claims)):
@@ -255,6 +255,7 @@ class SlamCore:
         self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)
         self._laser_clock = LaserClock(self._config.lidar.clock)
         self._matches: list[int] = []
+        self._walls = WallHeadings(self._graph, self.keyframes, self._config.lidar.walls)
 
     def _step(self, point: PathPoint) -> Pose2:
         """The step from the newest keyframe by the calibrated wheels."""
@@ -275,8 +276,7 @@ class SlamCore:
         motion = self.motion_to(point)
         covariance = self.steps.wheel_covariance(motion, tracked)
         matched = tracked is not None and self.steps.accepts(tracked)
-        alone = not (matched or self._matches)
-        self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone))
+        self._graph.add(WheelFactor(number - 1, number, motion, covariance, not (matched or self._matches)))
         if tracked and tracked.judged.finding is Finding.MISFIT:
             self.keyframes.begin_piece(self._config.closure.min_path_m)
             self._lidar_closer.search_from(number)

@@ -22,7 +22,7 @@ class AxesChain:
     def __init__(self, config: BackendConfig) -> None:
         self._config = config
         self._numbers: dict[tuple[int, int], int] = {}
-        self._of_keyframe: dict[int, int] = {}
+        self._of_keyframe: dict[int, dict[int, int]] = {}  # by wing
         self._wings: list[int] = []
 
     @property
@@ -36,15 +36,15 @@ class AxesChain:
         if block not in self._numbers:
             self._numbers[block] = len(self._wings)
             self._wings.append(factor.wing)
-        self._of_keyframe[factor.b] = self._numbers[block]
+        self._of_keyframe.setdefault(factor.b, {})[factor.wing] = self._numbers[block]
 
     def state(self, factor: Factor) -> int:
         """The number of the state of a factor; 0 for one that has none."""
-        return self._of_keyframe[factor.b] if isinstance(factor, AxisFactor) else 0
+        return self._of_keyframe[factor.b][factor.wing] if isinstance(factor, AxisFactor) else 0
 
     def states_of(self, keyframes: Iterable[int]) -> set[int]:
         """The states of the factors that these keyframes have."""
-        return {self._of_keyframe[k] for k in keyframes if k in self._of_keyframe}
+        return {state for k in keyframes for state in self._of_keyframe.get(k, {}).values()}
 
     def before(self, state: int) -> int | None:
         """The state before it of the same wing, to which the robot may have come back; None for its first."""

@@ -74,6 +74,11 @@ class AxisFactor:
         return self.b
 
 
+@dataclass(frozen=True, slots=True)
+class WallFactor(AxisFactor):
+    """As walls that a scan saw tell it, rather than the way that was driven."""
+
+
 RelativeFactor = BetweenFactor | WheelFactor | NearFactor
 Factor = RelativeFactor | AxisFactor
 

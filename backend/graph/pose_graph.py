@@ -64,8 +64,8 @@ class PoseGraph:
         self._substituted: set[int] = set()  # since the rebuild under way began
         self._requested_start: tuple[Floats, Floats] | None = None
         self._rebuilding: Rebuild | None = None
-        self._counted = 0
-        self.keyframes = 0
+        self.keyframes = self._counted = 0
+        self.newest_wing = 0  # the highest number of one whose factors were added
         self._cached_poses: Floats = np.zeros((1, 3))
         self._cache_stale = False
         self._steps: list[Pose2] = []
@@ -91,6 +91,7 @@ class PoseGraph:
         self._chain.add(factor)
         if isinstance(factor, AxisFactor):
             self._axes.add(factor, self._chain.stretch(factor))
+            self.newest_wing = max(self.newest_wing, factor.wing)
         return number
 
     def remove(self, number: int) -> None:

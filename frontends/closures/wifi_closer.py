@@ -15,7 +15,7 @@ from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, W
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration
 from wayfi.backend.pose2 import Floats, Pose2, between_all, pose_of_common_place
-from wayfi.frontends.axis_headings import withdraw_axes
+from wayfi.frontends.axes.axis_headings import withdraw_axes
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.consensus import (
     Hypothesis,

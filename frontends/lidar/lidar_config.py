@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from wayfi.backend.options import option
+from wayfi.frontends.axes.walls_config import WallsConfig
 from wayfi.frontends.lidar.correlative import CorrelativeConfig
 from wayfi.frontends.lidar.doubt import DoubtConfig
 from wayfi.frontends.lidar.icp import IcpConfig
@@ -183,3 +184,4 @@ class LidarConfig:
     clock: LaserClockConfig = field(default_factory=LaserClockConfig)
     watch: LaserWatchConfig = field(default_factory=LaserWatchConfig)
     cloud: CloudConfig = field(default_factory=CloudConfig)
+    walls: WallsConfig = field(default_factory=WallsConfig)

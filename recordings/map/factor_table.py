@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, Factor, NearFactor, WallFactor, WheelFactor
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.recordings.map.columns import Table, parquet
 
-KINDS = {BetweenFactor: "between", WheelFactor: "wheel", NearFactor: "near", AxisFactor: "axis"}
+KINDS = {BetweenFactor: "between", WheelFactor: "wheel", NearFactor: "near", AxisFactor: "axis", WallFactor: "wall"}
 POSE = ["x_m", "y_m", "theta_rad"]
 COVARIANCE = [f"c{a}{b}" for a in "xyt" for b in "xyt"]
 WAY = ["path_m", "seconds"]
@@ -56,6 +56,8 @@ def read_factors(table: Table) -> dict[int, Factor]:
                 read[number] = NearFactor(a, b, places[k, 0], places[k, 1], sigmas[k])
             case "axis":
                 read[number] = AxisFactor(b, wing, poses[k].theta, sigmas[k])
+            case "wall":
+                read[number] = WallFactor(b, wing, poses[k].theta, sigmas[k])
             case _:
                 raise ValueError(f"factor {number} is of the kind {kind!r}, which this wayfi does not know")
     return read

@@ -9,7 +9,7 @@ from circles import PRIOR, Circles, S, drive
 from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.axis_headings import AxisHeadings
+from wayfi.frontends.axes.axis_headings import AxisHeadings
 from wayfi.frontends.closures.closure_config import ConsensusConfig
 from wayfi.frontends.closures.wifi_closer import JUDGED_AT_ONCE, WifiCloser
 from wayfi.frontends.events import ClosureJudged, ClosureKind, Event, SequenceMatched, Verdict, Warned

@@ -7,7 +7,7 @@ import pytest
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats, Pose2, wrap
-from wayfi.frontends.odometry.building_axes import AlongAxis, BuildingAxes
+from wayfi.frontends.axes.building_axes import AlongAxis, BuildingAxes
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 PRIOR = WheelCalibration(np.zeros(4), np.array([0.035, 0.03, 0.06, 0.0005]))

@@ -9,7 +9,7 @@ from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.pose2 import Pose2
-from wayfi.frontends.axis_headings import AxisHeadings, withdraw_axes
+from wayfi.frontends.axes.axis_headings import AxisHeadings, withdraw_axes
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 BIAS, STEP_M = 0.025, 0.5

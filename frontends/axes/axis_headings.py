@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayfi.backend.graph.factors import AxisFactor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, NearFactor, WallFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion, chain, corrected_all
 from wayfi.backend.pose2 import Floats, wrap, wrap_all
-from wayfi.frontends.odometry.building_axes import AlongAxis, BuildingAxes
+from wayfi.frontends.axes.building_axes import AlongAxis, BuildingAxes
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 ONE_DIRECTION_RAD = 0.1  # between axes: wheels turn by more in a wing; walls at so small an angle are rare
@@ -26,12 +26,12 @@ class AxisHeadings:
         self._axes: BuildingAxes | None = None
         self._start = 0
         self._doubted: set[int] = set()
-        self._wings = self._newest_wing = max((factor.wing for factor in graph.of_kind(AxisFactor)), default=0)
+        self._numbers: dict[int, int] = {}  # in the graph, of the wings that were driven along
 
     def interrupt(self) -> None:
         """A scan match tells the heading: what the wheels alone tell begins anew after it."""
         self._axes = None
-        self._wings = self._newest_wing
+        self._numbers = {}
 
     def follow(self, number: int, motion: WheelMotion, variance: float, poses: Floats) -> None:
         """Keyframe `number` was reached by `motion`, whose turn errs at random by `variance` (rad^2).
@@ -47,10 +47,10 @@ class AxisHeadings:
             self._axes, self._start = BuildingAxes(float(poses[-1, 2]), known, self._config), number - 1
         self._axes.add(motion, variance)
         settled = self._axes.settled()
-        if settled and self._newest_wing > self._wings and not self._graph.of_kind(AxisFactor):
+        if settled and self._numbers and not _driven(self._graph):
             self.interrupt()  # they were withdrawn
             return
-        self._add(settled, self._start, self._wings)
+        self._add(settled, self._start)
         if self._bends(settled, poses):
             self._restart(self._axes.calibration, poses)
 
@@ -70,12 +70,13 @@ class AxisHeadings:
         for factor in wheels:
             axes.add(factor.motion, float(factor.covariance[2, 2]))
             settled += axes.settled()
-        before = graph.of_kind(AxisFactor)
+        before = list(_driven(graph).values())
         samples, wings = len(settled) - len(before), len({s.wing for s in settled}) - len({f.wing for f in before})
         if samples < 0 or (before and wings > 0) or samples == wings == 0:
             return False
         withdraw_axes(graph)
-        self._add(settled, 0, self._newest_wing)
+        self._numbers = {}
+        self._add(settled, 0)
         graph.restart(graph.calibrations(), graph.poses())
         return True
 
@@ -86,7 +87,7 @@ class AxisHeadings:
         """
         if not self._tell_all():
             return False
-        axes = {n: f for n, f in self._graph.factors().items() if isinstance(f, AxisFactor)}
+        axes = _driven(self._graph)
         headings, directions = self._graph.poses()[:, 2], dict[int, float]()
         wings = sorted({factor.wing for factor in axes.values()})
         for wing in wings:
@@ -108,11 +109,12 @@ class AxisHeadings:
         wheels = len(self._graph.of_kind(WheelFactor))
         return 0 < wheels == self._graph.keyframes - 1 and not self._graph.scan_matched().any()
 
-    def _add(self, settled: list[AlongAxis], start: int, wings: int) -> None:
-        """Add a factor for each sample, whose steps count from keyframe `start` and whose wings from `wings`."""
+    def _add(self, settled: list[AlongAxis], start: int) -> None:
+        """Add a factor for each sample, whose steps count from keyframe `start`."""
         for along in settled:
-            self._newest_wing, keyframe = wings + along.wing, start + along.step
-            self._graph.add(AxisFactor(keyframe, self._newest_wing, along.turned, self._config.sigma_rad))
+            wing = self._numbers.setdefault(along.wing, self._graph.newest_wing + 1)
+            keyframe = start + along.step
+            self._graph.add(AxisFactor(keyframe, wing, along.turned, self._config.sigma_rad))
             if along.slipped:
                 self._doubt_wheels(start + along.doubtful_from, keyframe, along.slipped**2)
 
@@ -156,6 +158,11 @@ def _same_wing(direction: float, directions: Mapping[int, float]) -> tuple[int, 
 
 def withdraw_axes(graph: PoseGraph) -> None:
     """Remove what the axes told from the graph; what follows begins anew, with what is known of the wheels then."""
-    for number, factor in graph.factors().items():
-        if isinstance(factor, AxisFactor):
-            graph.remove(number)
+    for number in _driven(graph):
+        graph.remove(number)
+
+
+def _driven(graph: PoseGraph) -> dict[int, AxisFactor]:
+    """The factors of headings along which the robot drove, not of walls that it saw, by their numbers."""
+    axes = {n: f for n, f in graph.factors().items() if isinstance(f, AxisFactor)}
+    return {n: f for n, f in axes.items() if not isinstance(f, WallFactor)}

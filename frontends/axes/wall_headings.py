@@ -1,0 +1,161 @@
+"""The walls that scans see tell the heading: most of a building's walls stand along its axes.
+
+Walls as a compass are an old idea (Weiss, Wetzler and von Puttkamer, IROS 1994). Where no loop is closed they alone
+hold the heading, for each scan match adds its error to those before.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wayfi.backend.graph.factors import WallFactor
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.pose2 import Floats, wrap
+from wayfi.frontends.axes.wall_direction import QUARTER, quarter, wall_direction
+from wayfi.frontends.axes.walls_config import WallsConfig
+from wayfi.frontends.keyframes import Keyframes
+
+_SPREAD_RAD = 0.05  # of the scans of a sample: of those with more the robot turned, or they saw other walls each
+_SIGMAS = 3.0  # that a sample of a wing is off it at most
+_RECENT = 20  # samples that tell the direction of a wing: 60 m
+_WINGS = 16  # that are known: the robot comes back to some of them
+_UNSURE_RAD = QUARTER / 4  # off an axis it is no longer plain which one is meant
+
+
+class _Seen(NamedTuple):
+    """Walls stand at `angle` rad, modulo a quarter turn, in base_link at `keyframe`."""
+
+    keyframe: int
+    angle: float
+
+
+class _Sample(NamedTuple):
+    """At `keyframe` the robot headed `turned` rad from an axis, to `sigma_rad`."""
+
+    keyframe: int
+    turned: float
+    sigma_rad: float
+
+
+class _Wing(NamedTuple):
+    number: int
+    samples: list[_Sample]
+
+
+class WallHeadings:
+    """Adds a factor for each sample of path along which scans see walls of a wing that is known.
+
+    A wing begins where some samples in a row have one direction. A sample's sigma is learnt from how far the samples of
+    a drive are from their wings. It counts among the graph's other factors, whose covariances closures find to be
+    `variance_factor` times as large as they are claimed: so it is claimed by as much too large, too.
+    """
+
+    def __init__(self, graph: PoseGraph, keyframes: Keyframes, config: WallsConfig) -> None:
+        self._graph, self._keyframes, self._config = graph, keyframes, config
+        self.sigmas_rad: dict[int, float] = {}  # by the number of the factor
+        self._sum_rad2 = config.sigma_samples * config.sigma_rad**2
+        self._count = config.sigma_samples
+        self._variance_factor = 1.0
+        self._seen: list[_Seen] = []
+        self._wings: list[_Wing] = []
+        self._alike: list[_Sample] = []
+
+    def follow(self, poses: Floats, variance: float, variance_factor: float) -> None:
+        """The newest keyframe is at the last of `poses` (n, 3); its heading in `map` is known to `variance` (rad^2)."""
+        if not self._config.enabled:
+            return
+        number = len(self._keyframes) - 1
+        if self._keyframes.begins_piece(number):
+            self._interrupt()
+        self._see(number)
+        path_m = self._keyframes.paths_m
+        if self._seen and path_m[number] - path_m[self._seen[0].keyframe] >= self._config.sample_m:
+            sample, spread_rad2 = self._sample(poses)
+            self._seen = []
+            if spread_rad2 < _SPREAD_RAD**2:
+                self._variance_factor = variance_factor
+                self._judge(sample, spread_rad2, variance, poses)
+
+    def weigh_again(self, variance_factor: float) -> None:
+        """At the end, claim all samples by the last `variance_factor`."""
+        for number, factor in self._graph.factors().items():
+            if isinstance(factor, WallFactor) and number in self.sigmas_rad:
+                sigma_rad = self.sigmas_rad[number] / math.sqrt(variance_factor)
+                self._graph.substitute(number, replace(factor, sigma_rad=sigma_rad))
+
+    @property
+    def _sigma_rad2(self) -> float:
+        """The variance of a sample whose scans agree."""
+        return max(self._sum_rad2 / self._count, self._config.least_sigma_rad**2)
+
+    def _interrupt(self) -> None:
+        """The robot was moved: where it heads is not known from what was before."""
+        self._seen, self._wings, self._alike = [], [], []
+
+    def _see(self, number: int) -> None:
+        scan = self._keyframes[number].scan
+        walls = wall_direction(scan.normals) if scan else None
+        if walls and walls.share >= self._config.min_share and walls.points >= self._config.min_points:
+            self._seen.append(_Seen(number, walls.angle))
+
+    def _sample(self, poses: Floats) -> tuple[_Sample, float]:
+        """What the scans since the last sample say of the heading at the last of them, and their variance (rad^2)."""
+        headings = poses[[seen.keyframe for seen in self._seen], 2]
+        mean = np.exp(4j * (headings + [seen.angle for seen in self._seen])).mean()
+        spread_rad2 = -2 * math.log(max(abs(mean), 1e-9)) / 16
+        turned = wrap(float(headings[-1]) - float(np.angle(mean)) / 4)
+        return _Sample(self._seen[-1].keyframe, turned, math.sqrt(self._sigma_rad2 + spread_rad2)), spread_rad2
+
+    def _judge(self, sample: _Sample, spread_rad2: float, variance: float, poses: Floats) -> None:
+        """Let a sample be one of the wing that it is nearest to, or begin another with those before it."""
+        gate = _SIGMAS * math.sqrt(sample.sigma_rad**2 + self._sigma_rad2 + variance)
+        if gate > _UNSURE_RAD:
+            self._wings, gate = [], _UNSURE_RAD
+        nearest = min(self._wings, key=lambda wing: abs(_off(sample, wing.samples, poses)), default=None)
+        off = _off(sample, nearest.samples, poses) if nearest else math.inf
+        if nearest and abs(off) < gate:
+            self._learn(off**2 - spread_rad2)
+            self._add(sample, nearest, poses)
+            self._alike = []
+            return
+        if self._alike and abs(_off(sample, self._alike, poses)) > gate:
+            self._alike = []
+        self._alike.append(sample)
+        if len(self._alike) >= self._config.samples_alike:
+            self._begin_wing(poses)
+
+    def _begin_wing(self, poses: Floats) -> None:
+        wing = _Wing(self._graph.newest_wing + 1, [])
+        for sample in self._alike:
+            self._add(sample, wing, poses)
+        self._wings = [*self._wings, wing][-_WINGS:]
+        self._alike = []
+
+    def _learn(self, off_rad2: float) -> None:
+        """Learn how far samples are off their wing; one that is far off is another wall."""
+        self._sum_rad2 += min(max(off_rad2, 0.0), _SIGMAS**2 * self._sigma_rad2)
+        self._count += 1
+
+    def _add(self, sample: _Sample, wing: _Wing, poses: Floats) -> None:
+        if wing.samples:
+            quarters = round((_direction(sample, poses) - _direction(wing.samples[-1], poses)) / QUARTER)
+            sample = sample._replace(turned=wrap(sample.turned + QUARTER * quarters))
+        wing.samples.append(sample)
+        del wing.samples[:-_RECENT]
+        sigma_rad = math.sqrt(self._config.together) * sample.sigma_rad
+        claimed = sigma_rad / math.sqrt(self._variance_factor)
+        number = self._graph.add(WallFactor(sample.keyframe, wing.number, sample.turned, claimed))
+        self.sigmas_rad[number] = sigma_rad
+
+
+def _direction(sample: _Sample, poses: Floats) -> float:
+    return float(poses[sample.keyframe, 2]) - sample.turned
+
+
+def _off(sample: _Sample, samples: Sequence[_Sample], poses: Floats) -> float:
+    """How far (rad) a sample is off the mean direction of others, modulo a quarter turn."""
+    mean = np.exp([4j * _direction(other, poses) for other in samples]).sum()
+    return quarter(_direction(sample, poses) - float(np.angle(mean)) / 4)
