@@ -83,12 +83,10 @@ class SensorClock:
 
     def _note_reached(self) -> None:
         """Whether the odometry's next stamp has reached the last message: then that was ahead for want of it alone."""
-        before_ns, now_ns = self._now_ns, self._odometry.newest_ns
-        if before_ns is None or now_ns is None or now_ns - self._odometry.interval_ns != before_ns:
-            return
-        if before_ns <= self._waits_ns <= now_ns:
-            self._ahead.append(self._waits_ns - before_ns)
-            self._off.clear()
+        for before_ns, next_ns in self._odometry.wide_steps:
+            if before_ns == self._now_ns and before_ns <= self._waits_ns <= next_ns:
+                self._ahead.append(self._waits_ns - before_ns)
+                self._off.clear()
 
     def _follow_odometry(self, stamp_ns: int) -> None:
         """Take over a change of the odometry's offset where that makes the lag usual: both clocks were set."""

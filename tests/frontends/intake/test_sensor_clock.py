@@ -119,6 +119,18 @@ def test_scans_that_come_before_the_odometry_of_their_stamp_are_no_steps(odometr
     assert sum(dropped) <= 4  # one for each time that it takes longer than it did
 
 
+def test_a_first_scan_that_ends_a_pause_of_the_odometry_is_no_step() -> None:
+    """It comes before the odometry of its stamp, and those after it come so soon that they are hardly ahead."""
+    base = TimeBase(CONFIG)
+    clock = SensorClock(CONFIG, base)
+    base.accept(START)
+    for k in range(100):
+        true_ns = START + 6 * S + k * ODOMETRY_NS
+        if k % 40 == 0:
+            assert clock.accept(true_ns, lambda ns=true_ns: str(ns).encode()) == Stamped(true_ns)
+        base.accept(true_ns)
+
+
 def test_odometry_that_dies_after_a_step_costs_ten_seconds() -> None:
     drive = Drive(laser=set_by(5.0), pauses=(("odometry", 20.3, 60.0),)).run()
     assert len(drive.reasons()) <= 10 * S // SCAN_NS + CONFIG.lasting_messages
