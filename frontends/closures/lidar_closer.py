@@ -203,7 +203,8 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Remove every accepted closure, for `reason`, and forget what walls said."""
+        """Remove every accepted closure, for `reason`, and forget what scans said: they are forgotten themselves."""
+        self._search.scans_forgotten()
         self._walls.clear()
         self._vetoed.clear()
         numbers = sorted(self._accepted)

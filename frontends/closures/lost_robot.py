@@ -69,6 +69,12 @@ class LostRobotSearch:
         if self._map_end is not None and a < self._map_end <= self._keyframes.piece(b)[0]:
             self._map_end = self._sweep = self._first = None
 
+    def scans_forgotten(self) -> None:
+        """Begin anew in the scans of the map that are left; the search ends where none is."""
+        self._sweep = self._first = None
+        if not self._keyframes.has_scan[: self._map_end].any():
+            self._map_end = None
+
     def search(self, keyframe: int, poses: Floats) -> list[Found]:
         """Go on with the newest keyframe; returns the two that agree once the robot is found, else nothing."""
         if self._map_end is None or keyframe == self._begun or not self._has_scan(keyframe):

@@ -1,7 +1,9 @@
 """Brings the stamps of a laser or a WiFi receiver onto the odometry's: one offset each, as each has its own clock.
 
 A clock that is set shows twice: the sensor's own stamps jump, and so does its lag, which is how far its stamp is behind
-the odometry's newest when it comes in. A pause of the sensor changes its stamps alone, congestion its lag alone.
+the odometry's newest when it comes in. A pause of the sensor changes its stamps alone, congestion its lag alone. Where
+messages are seconds apart, the odometry may come after the sensor's message of the same stamp: then lags are as uneven
+as its intervals, and its next stamp tells whether the message was ahead.
 """
 
 from collections import deque
@@ -36,6 +38,8 @@ class SensorClock:
         self._offset_ns, self._jumps = 0, odometry.jumps  # the odometry's, as above
         self._accepted_at_ns: int | None = None  # `_now_ns` of the last message that was accepted
         self._lags: deque[int] = deque(maxlen=config.lasting_messages)
+        self._waits_ns = 0  # the stamp of the last message that came after odometry
+        self._ahead: deque[int] = deque(maxlen=config.lasting_messages)  # of messages that the next odometry reached
         self._to_follow = (0, 0)  # a change of the odometry's offset, and for how many messages it may be this one's
         self._odometry_jumped = False
         self._undo_ns = 0  # the offset that would undo a jump of the sensor's own stamps; 0: they have not jumped
@@ -53,6 +57,8 @@ class SensorClock:
         ended, self._placed_still = self._placed_still, False
         fresh = self._note_odometry()
         self._follow_odometry(stamp_ns)
+        if fresh:
+            self._waits_ns = stamp_ns + self._own.offset_ns
         stamped = self._judge(stamp_ns, fresh) or self._follow(stamp_ns, fresh)
         return stamped._replace(told="its stamps move again") if ended else stamped
 
@@ -67,11 +73,20 @@ class SensorClock:
     def _note_odometry(self) -> bool:
         """Note what has become of the odometry's clock since the last message; returns whether odometry has come."""
         now, fresh = self._odometry, self._odometry.newest_ns != self._now_ns
+        if fresh:
+            self._note_reached()
         if now.offset_ns != self._offset_ns:
             self._to_follow = (self._to_follow[0] + now.offset_ns - self._offset_ns, self._lasting)
         self._odometry_jumped |= now.jumps != self._jumps
         self._now_ns, self._offset_ns, self._jumps = now.newest_ns, now.offset_ns, now.jumps
         return fresh
+
+    def _note_reached(self) -> None:
+        """Whether the odometry's next stamp has reached the last message: then that was ahead for want of it alone."""
+        for before_ns, next_ns in self._odometry.wide_steps:
+            if before_ns == self._now_ns and before_ns <= self._waits_ns <= next_ns:
+                self._ahead.append(self._waits_ns - before_ns)
+                self._off.clear()
 
     def _follow_odometry(self, stamp_ns: int) -> None:
         """Take over a change of the odometry's offset where that makes the lag usual: both clocks were set."""
@@ -119,6 +134,7 @@ class SensorClock:
         ahead = off_ns < 0 and on_base_ns - self._now_ns > MOST_AHEAD_NS
         jumped = (self._undo_ns < 0 and ahead) or (self._undo_ns > 0 and off_ns > 0)
         by_chance_ns = min(self._own.interval_ns, self._odometry.interval_ns)  # by which lags differ from each other
+        by_chance_ns = max(by_chance_ns, *self._ahead, 0)
         if abs(off_ns) > self._jump_ns + by_chance_ns and (self._odometry_jumped or jumped):
             return True
         self._believe()

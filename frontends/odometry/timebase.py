@@ -1,5 +1,6 @@
 """Makes the stamps of one clock monotone: drops single jumps, and shifts the stamps where the clock was set back."""
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -38,7 +39,8 @@ class TimeBase:
     reduced: the clock is right again after it was set back.
 
     `newest_ns` is the stamp that was accepted last, None before the first; `interval_ns` its distance to the one before
-    in its stream; `jumps` counts the shifts, and the steps ahead by more than a lasting jump.
+    in its stream; `jumps` counts the shifts, and the steps ahead by more than a lasting jump. `wide_steps` are
+    the newest of these steps, each from one stamp to the next.
     """
 
     def __init__(self, config: ClockConfig) -> None:
@@ -50,6 +52,7 @@ class TimeBase:
         self.newest_ns: int | None = None
         self.interval_ns = 0
         self.jumps = 0
+        self.wide_steps: deque[tuple[int, int]] = deque(maxlen=config.lasting_messages)
 
     def accept(self, stamp_ns: int, stream: str = "") -> Stamped:
         """The stamp of the next message of `stream` on the time base, or why it is dropped."""
@@ -120,7 +123,11 @@ class TimeBase:
     def _follow(self, stream: _Stream, stamp_ns: int, shift_ns: int = 0) -> Stamped:
         stream.ahead.clear()
         stream.back.clear()
-        self.jumps += shift_ns != 0 or stamp_ns - stream.newest_ns > self._lasting_jump_ns
+        if stamp_ns - stream.newest_ns > self._lasting_jump_ns:
+            self.wide_steps.append((stream.newest_ns, stamp_ns))
+            self.jumps += 1
+        else:
+            self.jumps += shift_ns != 0
         self.interval_ns = stream.interval_ns = min(stamp_ns - stream.newest_ns, self._leap_ns)
         self.newest_ns = stream.newest_ns = stamp_ns
         return Stamped(stamp_ns, shift_ns=shift_ns)

@@ -109,3 +109,32 @@ def test_a_closure_into_the_map_ends_the_search(a: int, ends: bool) -> None:
         drive.truth.append(pose)
         drive.add(SLIPPED @ pose, see(HALL, pose, rng))
     assert (drive.found == []) == ends
+
+
+def test_scans_that_are_forgotten_end_the_search_of_them() -> None:
+    """The laser's clock proves wrong, or its mount, while a scan is being compared with the map, or has fitted it."""
+    for searched in (3, len(BACK) - 1):
+        drive = Drive(HALL, MAPPED, BACK[:searched])
+        scan = drive.keyframes[len(MAPPED) + 2].scan
+        assert scan is not None
+        drive.keyframes.forget_scans()
+        drive.search.scans_forgotten()
+        drive.found.clear()
+        for k in range(3):
+            drive.add(Pose2(0.5 * k), scan, moved=k == 1)
+        assert drive.found == []
+
+
+def test_the_map_that_a_drive_goes_on_with_is_searched_on_when_its_own_scans_are_forgotten() -> None:
+    drive = Drive(HALL, MAPPED)
+    drive.keyframes.first = len(MAPPED)
+    drive.truth += BACK
+    rng = np.random.default_rng(1)
+    for k, pose in enumerate(BACK[:3]):
+        drive.add(SLIPPED @ pose, see(HALL, pose, rng), moved=k == 0)
+    drive.keyframes.forget_scans()
+    drive.search.scans_forgotten()
+    for pose in BACK[3:]:
+        drive.add(SLIPPED @ pose, see(HALL, pose, rng))
+    assert drive.worst_m() < 0.03
+    assert len(drive.found) == 2

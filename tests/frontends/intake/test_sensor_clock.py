@@ -104,6 +104,33 @@ def test_lags_that_wander_are_no_steps(odometry_ns: int) -> None:
     assert (max(drive.errors_ns()), drive.reasons(), drive.told()) == (0, [], [])
 
 
+@pytest.mark.parametrize("odometry_after_ns", [0, 100 * MS])
+def test_scans_that_come_before_the_odometry_of_their_stamp_are_no_steps(odometry_after_ns: int) -> None:
+    """As in a log of key scans, each written before the pose that it was taken at, where the robot drives or waits."""
+    base, true_ns, dropped = TimeBase(CONFIG), START, []
+    clock = SensorClock(CONFIG, base)
+    intervals_s = [*[1.4] * 20, *[7.0] * 20, *[2.0, 11.0, 3.3] * 10, *[14.0] * 10, *[1.2] * 20]
+    for interval_s in intervals_s:
+        true_ns += round(interval_s * S)
+        scan = clock.accept(true_ns, lambda ns=true_ns: str(ns).encode())
+        assert (scan.shift_ns, scan.told) == (0, "")
+        dropped.append(scan.dropped is not None)
+        base.accept(true_ns + odometry_after_ns)
+    assert sum(dropped) <= 4  # one for each time that it takes longer than it did
+
+
+def test_a_first_scan_that_ends_a_pause_of_the_odometry_is_no_step() -> None:
+    """It comes before the odometry of its stamp, and those after it come so soon that they are hardly ahead."""
+    base = TimeBase(CONFIG)
+    clock = SensorClock(CONFIG, base)
+    base.accept(START)
+    for k in range(100):
+        true_ns = START + 6 * S + k * ODOMETRY_NS
+        if k % 40 == 0:
+            assert clock.accept(true_ns, lambda ns=true_ns: str(ns).encode()) == Stamped(true_ns)
+        base.accept(true_ns)
+
+
 def test_odometry_that_dies_after_a_step_costs_ten_seconds() -> None:
     drive = Drive(laser=set_by(5.0), pauses=(("odometry", 20.3, 60.0),)).run()
     assert len(drive.reasons()) <= 10 * S // SCAN_NS + CONFIG.lasting_messages
