@@ -29,6 +29,7 @@ from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
+from wayfi.frontends.odometry.wheel_spins import WheelSpins, doubt_spun, wheel_step
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
@@ -48,8 +49,7 @@ class SlamCore:
     def __init__(
         self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap | None = None
     ) -> None:
-        self._config = config
-        self._timer = timer
+        self._config, self._timer = config, timer
         origin = Pose2.of(building.poses[0]) if building else Pose2()
         self._graph = PoseGraph(config.backend, prior.wheels, origin)
         self.keyframes = Keyframes()
@@ -95,8 +95,7 @@ class SlamCore:
 
     def anchor(self) -> Anchor | None:
         """The newest keyframe as the anchor of poses since then; None while the pose is not claimed."""
-        estimate, point = self._estimate, self.keyframes.newest.point
-        scale = self.steps.covariance_scale
+        estimate, point, scale = self._estimate, self.keyframes.newest.point, self.steps.covariance_scale
         return Anchor(point, Pose2.of(self.poses[-1]), estimate.covariance, estimate.calibration, scale, estimate.state)
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
@@ -179,8 +178,7 @@ class SlamCore:
         The matches stay as they are, for they relate scans; what the wheels say between them changes.
         """
         moved = self.keyframes.shift(round(seconds * SECOND_NS), trajectories)
-        points = [k.point for k in self.keyframes.own]
-        self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(points)])
+        self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(k.point for k in self.keyframes.own)])
         self._laser_clock = LaserClock(self._config.lidar.clock)
         return self._verdicts.move_stamps(moved)
 
@@ -253,7 +251,7 @@ class SlamCore:
 
     def _start_tracking(self) -> None:
         self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)
-        self._laser_clock = LaserClock(self._config.lidar.clock)
+        self._laser_clock, self._spins = LaserClock(self._config.lidar.clock), WheelSpins(self._config.odometry)
         self._matches: list[int] = []
 
     def _step(self, point: PathPoint) -> Pose2:
@@ -275,23 +273,25 @@ class SlamCore:
         motion = self.motion_to(point)
         covariance = self.steps.wheel_covariance(motion, tracked)
         matched = tracked is not None and self.steps.accepts(tracked)
-        alone = not (matched or self._matches)
-        self._graph.add(WheelFactor(number - 1, number, motion, covariance, alone))
+        wheels = WheelFactor(number - 1, number, motion, covariance, alone=not (matched or self._matches))
+        added, match = self._graph.add(wheels), None
         if tracked and tracked.judged.finding is Finding.MISFIT:
             self.keyframes.begin_piece(self._config.closure.min_path_m)
             self._lidar_closer.search_from(number)
         if tracked and matched:
             self._axes.interrupt()
-            self._add_match(tracked, point, number)
+            match = self._add_match(tracked, point, number)
         else:
             self._axes.follow(number, motion, covariance[2, 2], self.poses)
+        doubt_spun(self._graph, self._spins.add(wheel_step(added, wheels, self._step(point), match)))
 
-    def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> None:
+    def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> BetweenFactor:
         match, before = tracked.match, self.keyframes[number - 1]
         factor = BetweenFactor(number - 1, number, match.T_submap_scan, match.covariance)
         self._matches.append(self._graph.add(factor))
         if before.scan is not None:
             self._laser_clock.add_turn(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
+        return factor
 
     def _append(self, point: PathPoint, placed: PlacedScan | None, guess: Pose2) -> None:
         self.keyframes.append(Keyframe(point, placed.points if placed else None))
