@@ -22,6 +22,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
 SHORTEST_S = 1e-3  # of a step
+MOST_NATS = 50.0  # of evidence: more is as sure
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +69,12 @@ class WheelSpins:
         self._steps: list[WheelStep] = []
         self._next = 0
         self._faster: list[tuple[WheelStep, float]] = []
-        self._excess_m2, self._denied_m2 = config.spin_doubted_m**2, 0.0
+        self._excess_m2 = config.spin_doubted_m**2
+        self._denied_m2 = config.share_spins * self._excess_m2
 
     @property
     def share(self) -> float:
-        """The share of the excess so far that the laser has denied, from 0 to 1."""
+        """The share of the excess so far that the laser has denied, of its squares: large ones tell most."""
         return self._denied_m2 / self._excess_m2
 
     def add(self, step: WheelStep) -> list[DoubtfulStep]:
@@ -104,19 +106,27 @@ class WheelSpins:
         All its excess was counted in vain, or none: so a step's variance is the covariance of its own with all of it.
         Where that is less than the wheels' own, it changes nothing.
         """
-        whole_m = sum(excess_m for _, excess_m in run)
-        seen_m = sum(step.seen * excess_m for step, excess_m in run)
-        denied_m2 = min(max(seen_m * sum(step.seen * step.denied_m for step, _ in run), 0.0), seen_m**2)
-        prior_m2 = self._config.spin_doubted_m**2
-        share = (prior_m2 * self.share + denied_m2) / (prior_m2 + seen_m**2)
-        self._excess_m2, self._denied_m2 = self._excess_m2 + seen_m**2, self._denied_m2 + denied_m2
-        variances = [(step, share * excess_m * whole_m) for step, excess_m in run]
-        own_m2 = self._config.sigma_xy_per_sqrt_m**2
+        spun, whole_m = self._learn(run), sum(excess_m for _, excess_m in run)
+        variances = [(step, spun * excess_m * whole_m) for step, excess_m in run]
         return [
             DoubtfulStep(step.number, _covariance(step, variance))
             for step, variance in variances
-            if variance > own_m2 * step.motion.path_m
+            if variance > self._own_variance(step)
         ]
+
+    def _learn(self, run: list[tuple[WheelStep, float]]) -> float:
+        """How likely the wheels spun in a `run`: by the drive so far, and by what the laser denies of it."""
+        seen_m = sum(step.seen * excess_m for step, excess_m in run)
+        denied_m = sum(step.seen * step.denied_m for step, _ in run)
+        noise_m2 = self._config.sigma_still_m**2 + sum(step.seen * self._own_variance(step) for step, _ in run)
+        nats = seen_m * (2 * denied_m - seen_m) / (2 * noise_m2)  # by which all of the excess is likelier than none
+        spun = 1.0 / (1.0 + (1.0 / self.share - 1.0) * math.exp(-min(max(nats, -MOST_NATS), MOST_NATS)))
+        self._excess_m2, self._denied_m2 = self._excess_m2 + seen_m**2, self._denied_m2 + spun * seen_m**2
+        return spun
+
+    def _own_variance(self, step: WheelStep) -> float:
+        """The variance (m^2) that the wheels' way has without any spin."""
+        return self._config.sigma_xy_per_sqrt_m**2 * step.motion.path_m
 
     def _forget(self) -> None:
         """Drop the oldest steps that are not needed any more."""

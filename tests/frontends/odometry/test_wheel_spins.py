@@ -50,6 +50,12 @@ def test_a_robot_that_was_seen_to_speed_up_is_believed() -> None:
     assert twice_faster(denied=False) == {}
 
 
+def test_what_scan_matches_err_by_denies_no_change_of_speed() -> None:
+    ways_m = [*CRUISE, *(20 * [*CRUISE, 0.65]), *CRUISE]
+    denied_m = [0.015 if way_m > CRUISE_M else 0.0 for way_m in ways_m]
+    assert doubted(ways_m, denied_m, [1.0] * len(ways_m)) == {}
+
+
 def test_without_a_laser_nothing_is_doubted() -> None:
     ways_m = [*CRUISE, *FASTER, *CRUISE, *FASTER, *CRUISE]
     assert doubted(ways_m, [0.0] * len(ways_m), [0.0] * len(ways_m)) == {}
