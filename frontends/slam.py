@@ -50,8 +50,7 @@ class SlamCore:
         self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap | None = None
     ) -> None:
         self._config, self._timer = config, timer
-        origin = Pose2.of(building.poses[0]) if building else Pose2()
-        self._graph = PoseGraph(config.backend, prior.wheels, origin)
+        self._graph = PoseGraph(config.backend, prior.wheels, Pose2.of(building.poses[0]) if building else Pose2())
         self.keyframes = Keyframes()
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
@@ -272,9 +271,9 @@ class SlamCore:
         """Add the factors from the newest keyframe to number `number`: the wheels', and the laser's if it matches."""
         motion = self.motion_to(point)
         covariance = self.steps.wheel_covariance(motion, tracked)
-        matched = tracked is not None and self.steps.accepts(tracked)
+        matched, match = tracked is not None and self.steps.accepts(tracked), None
         wheels = WheelFactor(number - 1, number, motion, covariance, alone=not (matched or self._matches))
-        added, match = self._graph.add(wheels), None
+        added = self._graph.add(wheels)
         if tracked and tracked.judged.finding is Finding.MISFIT:
             self.keyframes.begin_piece(self._config.closure.min_path_m)
             self._lidar_closer.search_from(number)
@@ -283,7 +282,8 @@ class SlamCore:
             match = self._add_match(tracked, point, number)
         else:
             self._axes.follow(number, motion, covariance[2, 2], self.poses)
-        doubt_spun(self._graph, self._spins.add(wheel_step(added, wheels, self._step(point), match)))
+        step = wheel_step(added, wheels, self._step(point), match, self.steps.covariance_scale)
+        doubt_spun(self._graph, self._spins.add(step))
 
     def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> BetweenFactor:
         match, before = tracked.match, self.keyframes[number - 1]

@@ -30,10 +30,12 @@ class WheelStep:
     """A step of the graph, of which the laser denied `denied_m` of the way that the wheels counted.
 
     `seen`: how much of that the laser knows, from 0 to 1: its share of the information along the way.
+    `covariance_scale` multiplies the wheels' covariance, so that they agree with the laser elsewhere.
     """
 
     number: int
     motion: WheelMotion
+    covariance_scale: float = 1.0
     denied_m: float = 0.0
     seen: float = 0.0
 
@@ -43,14 +45,16 @@ class WheelStep:
         return self.motion.path_m / max(self.motion.seconds, SHORTEST_S)
 
 
-def wheel_step(number: int, wheels: WheelFactor, expected: Pose2, match: BetweenFactor | None) -> WheelStep:
+def wheel_step(
+    number: int, wheels: WheelFactor, expected: Pose2, match: BetweenFactor | None, covariance_scale: float
+) -> WheelStep:
     """The step of factor `number`, which expects the robot at `expected`, with what a scan match says of it."""
     if match is None:
-        return WheelStep(number, wheels.motion)
+        return WheelStep(number, wheels.motion, covariance_scale)
     along = _along(wheels.motion)
     denied_m = float(along @ (expected.x - match.T_a_b.x, expected.y - match.T_a_b.y))
     of_wheels, of_laser = (float(along @ factor.covariance[:2, :2] @ along) for factor in (wheels, match))
-    return WheelStep(number, wheels.motion, denied_m, of_wheels / (of_wheels + of_laser))
+    return WheelStep(number, wheels.motion, covariance_scale, denied_m, of_wheels / (of_wheels + of_laser))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +63,37 @@ class DoubtfulStep:
 
     number: int
     covariance: Floats
+
+
+class _Run:
+    """Steps in a row that are faster than usual, each with its excess (m): all of that was counted in vain, or none.
+
+    The laser saw `seen_m` of it, by which all is `nats` likelier than none.
+    """
+
+    def __init__(self, faster: list[tuple[WheelStep, float]], config: OdometryConfig) -> None:
+        self._faster = faster
+        self._whole_m = sum(excess_m for _, excess_m in faster)
+        own_m2 = config.sigma_xy_per_sqrt_m**2
+        self._own_m2 = [own_m2 * step.covariance_scale * step.motion.path_m for step, _ in faster]
+        self._told_m2 = [0.0] * len(faster)
+        self.seen_m = sum(step.seen * excess_m for step, excess_m in faster)
+        denied_m = sum(step.seen * step.denied_m for step, _ in faster)
+        seen_m2 = sum(step.seen * own_m2 for (step, _), own_m2 in zip(faster, self._own_m2, strict=True))
+        self.nats = self.seen_m * (denied_m - self.seen_m / 2) / (config.sigma_still_m**2 + seen_m2)
+
+    def doubted(self, share: float) -> list[DoubtfulStep]:
+        """The steps with what their variances have to grow by; no less than the wheels' own, which changes nothing.
+
+        A step's variance is the covariance of its excess with all of it.
+        """
+        spun, doubtful = _likely(share, self.nats), []
+        for k, (step, excess_m) in enumerate(self._faster):
+            more_m2 = spun * excess_m * self._whole_m - self._told_m2[k]
+            if more_m2 > self._own_m2[k]:
+                self._told_m2[k] += more_m2
+                doubtful.append(DoubtfulStep(step.number, _covariance(step, more_m2)))
+        return doubtful
 
 
 class WheelSpins:
@@ -71,6 +106,8 @@ class WheelSpins:
         self._faster: list[tuple[WheelStep, float]] = []
         self._excess_m2 = config.spin_doubted_m**2
         self._denied_m2 = config.share_spins * self._excess_m2
+        self._runs: list[_Run] = []
+        self._told_share = self.share
 
     @property
     def share(self) -> float:
@@ -97,36 +134,18 @@ class WheelSpins:
         if excess_m > 0.0:
             self._faster.append((step, excess_m))
             return []
-        run, self._faster = self._faster, []
-        return self._doubted(run) if run else []
+        faster, self._faster = self._faster, []
+        return self._doubted(_Run(faster, self._config)) if faster else []
 
-    def _doubted(self, run: list[tuple[WheelStep, float]]) -> list[DoubtfulStep]:
-        """The steps of a `run` with their variances, after learning from it.
-
-        All its excess was counted in vain, or none: so a step's variance is the covariance of its own with all of it.
-        Where that is less than the wheels' own, it changes nothing.
-        """
-        spun, whole_m = self._learn(run), sum(excess_m for _, excess_m in run)
-        variances = [(step, spun * excess_m * whole_m) for step, excess_m in run]
-        return [
-            DoubtfulStep(step.number, _covariance(step, variance))
-            for step, variance in variances
-            if variance > self._own_variance(step)
-        ]
-
-    def _learn(self, run: list[tuple[WheelStep, float]]) -> float:
-        """How likely the wheels spun in a `run`: by the drive so far, and by what the laser denies of it."""
-        seen_m = sum(step.seen * excess_m for step, excess_m in run)
-        denied_m = sum(step.seen * step.denied_m for step, _ in run)
-        noise_m2 = self._config.sigma_still_m**2 + sum(step.seen * self._own_variance(step) for step, _ in run)
-        nats = seen_m * (2 * denied_m - seen_m) / (2 * noise_m2)  # by which all of the excess is likelier than none
-        spun = 1.0 / (1.0 + (1.0 / self.share - 1.0) * math.exp(-min(max(nats, -MOST_NATS), MOST_NATS)))
-        self._excess_m2, self._denied_m2 = self._excess_m2 + seen_m**2, self._denied_m2 + spun * seen_m**2
-        return spun
-
-    def _own_variance(self, step: WheelStep) -> float:
-        """The variance (m^2) that the wheels' way has without any spin."""
-        return self._config.sigma_xy_per_sqrt_m**2 * step.motion.path_m
+    def _doubted(self, run: _Run) -> list[DoubtfulStep]:
+        """What is to be doubted after the newest `run`: it, and all runs before where the share has doubled since."""
+        spun = _likely(self.share, run.nats) > 0.5  # as a share, noise that says little of each would add up
+        self._excess_m2, self._denied_m2 = self._excess_m2 + run.seen_m**2, self._denied_m2 + spun * run.seen_m**2
+        self._runs.append(run)
+        if self.share < 2 * self._told_share:
+            return run.doubted(self.share)
+        self._told_share = self.share
+        return [doubtful for earlier in self._runs for doubtful in earlier.doubted(self.share)]
 
     def _forget(self) -> None:
         """Drop the oldest steps that are not needed any more."""
@@ -141,6 +160,11 @@ def doubt_spun(graph: PoseGraph, steps: Iterable[DoubtfulStep]) -> None:
         wheels = graph.factors()[step.number]
         assert isinstance(wheels, WheelFactor)
         graph.substitute(step.number, replace(wheels, covariance=wheels.covariance + step.covariance))
+
+
+def _likely(share: float, nats: float) -> float:
+    """The probability of what has the prior `share`, and is by `nats` likelier than not by what was seen."""
+    return 1.0 / (1.0 + (1.0 / share - 1.0) * math.exp(-min(max(nats, -MOST_NATS), MOST_NATS)))
 
 
 def _path_m(steps: Sequence[WheelStep]) -> float:

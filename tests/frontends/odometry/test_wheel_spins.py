@@ -26,7 +26,7 @@ def doubted(ways_m: list[float], denied_m: list[float], seen: list[float]) -> di
     """The variance (m^2) that each doubtful step of a straight drive gets, by its number."""
     spins, found = WheelSpins(CONFIG), {}
     for k, (way_m, less_m, sure) in enumerate(zip(ways_m, denied_m, seen, strict=True)):
-        step = WheelStep(k, WheelMotion(Pose2(way_m, 0.0, 0.0), way_m, STEP_S), less_m, sure)
+        step = WheelStep(k, WheelMotion(Pose2(way_m, 0.0, 0.0), way_m, STEP_S), denied_m=less_m, seen=sure)
         found.update({d.number: float(d.covariance[0, 0]) for d in spins.add(step)})
     return found
 
@@ -46,6 +46,13 @@ def test_an_unseen_spin_is_doubted_after_a_seen_one() -> None:
     assert 0.8 * EXCESS_M**2 < unseen < EXCESS_M**2  # of their sum, which is one error
 
 
+def test_a_seen_spin_tells_of_an_unseen_one_before_it() -> None:
+    ways_m, unseen = [*CRUISE, *FASTER, *CRUISE, *FASTER, *CRUISE], len(CRUISE) + len(FASTER)
+    sees = [0.0] * unseen + [1.0] * (len(ways_m) - unseen)
+    found = doubted(ways_m, [(way_m - CRUISE_M) * sure for way_m, sure in zip(ways_m, sees, strict=True)], sees)
+    assert set(range(len(CRUISE), unseen)) < set(found)
+
+
 def test_a_robot_that_was_seen_to_speed_up_is_believed() -> None:
     assert twice_faster(denied=False) == {}
 
@@ -54,6 +61,12 @@ def test_what_scan_matches_err_by_denies_no_change_of_speed() -> None:
     ways_m = [*CRUISE, *(20 * [*CRUISE, 0.65]), *CRUISE]
     denied_m = [0.015 if way_m > CRUISE_M else 0.0 for way_m in ways_m]
     assert doubted(ways_m, denied_m, [1.0] * len(ways_m)) == {}
+
+
+def test_hints_of_spins_do_not_add_up() -> None:
+    ways_m = [*CRUISE, *(40 * [*CRUISE, 0.55]), *CRUISE, 0.65, *CRUISE]
+    denied_m = [0.04 if way_m == 0.55 else 0.0 for way_m in ways_m]
+    assert doubted(ways_m, denied_m, [0.0 if way_m == 0.65 else 1.0 for way_m in ways_m]) == {}
 
 
 def test_without_a_laser_nothing_is_doubted() -> None:
@@ -75,10 +88,10 @@ def test_what_a_match_denies_is_along_the_way() -> None:
     wheels = WheelFactor(0, 1, motion, np.diag([0.01**2, 0.02**2, 0.01**2]))
     open_along = BetweenFactor(0, 1, Pose2(0.1, 0.5, 0.1), np.diag([0.002**2, 1.0, 0.001**2]))
     sure = BetweenFactor(0, 1, Pose2(0.1, 0.5, 0.1), np.diag([1.0, 0.002**2, 0.001**2]))
-    assert wheel_step(1, wheels, motion.pose, sure).denied_m == pytest.approx(0.1)
-    assert wheel_step(1, wheels, motion.pose, sure).seen > 0.98
-    assert wheel_step(1, wheels, motion.pose, open_along).seen < 0.01
-    assert wheel_step(1, wheels, motion.pose, None).seen == 0.0
+    assert wheel_step(1, wheels, motion.pose, sure, 1.0).denied_m == pytest.approx(0.1)
+    assert wheel_step(1, wheels, motion.pose, sure, 1.0).seen > 0.98
+    assert wheel_step(1, wheels, motion.pose, open_along, 1.0).seen < 0.01
+    assert wheel_step(1, wheels, motion.pose, None, 1.0).seen == 0.0
 
 
 def worst_m(doubts: bool) -> float:
@@ -96,7 +109,7 @@ def worst_m(doubts: bool) -> float:
         match = BetweenFactor(k, k + 1, Pose2(true, 0.0, 0.0), diagonal(0.003 if k < 40 else 1.0))
         number = graph.add(wheels)
         graph.add(match)
-        doubtful = spins.add(wheel_step(number, wheels, motion.pose, match))
+        doubtful = spins.add(wheel_step(number, wheels, motion.pose, match, 1.0))
         doubt_spun(graph, doubtful if doubts else [])
     graph.add(BetweenFactor(0, len(true_m), Pose2(sum(true_m), 0.0, 0.0), diagonal(0.02)))
     graph.settle()
