@@ -22,6 +22,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.odometry.odometry_config import OdometryConfig
 
 SHORTEST_S = 1e-3  # of a step
+NOISE_SIGMAS = 3.0  # of the wheels' noise: what is less may be that
 MOST_NATS = 50.0  # of evidence: more is as sure
 
 
@@ -85,9 +86,11 @@ class _Run:
     def doubted(self, share: float) -> list[DoubtfulStep]:
         """The steps with what their variances have to grow by; no less than the wheels' own, which changes nothing.
 
-        A step's variance is the covariance of its excess with all of it.
+        A step's variance is the covariance of its excess with all of it; none where all may be the wheels' noise.
         """
-        spun, doubtful = _likely(share, self.nats), []
+        spun, doubtful = _likely(share, self.nats), list[DoubtfulStep]()
+        if spun * self._whole_m**2 < NOISE_SIGMAS**2 * sum(self._own_m2):
+            return doubtful
         for k, (step, excess_m) in enumerate(self._faster):
             more_m2 = spun * excess_m * self._whole_m - self._told_m2[k]
             if more_m2 > self._own_m2[k]:

@@ -63,6 +63,15 @@ def test_what_scan_matches_err_by_denies_no_change_of_speed() -> None:
     assert doubted(ways_m, denied_m, [1.0] * len(ways_m)) == {}
 
 
+def test_the_wheels_noise_is_no_spin() -> None:
+    rng, first = np.random.default_rng(0), len(CRUISE)
+    steady = [m + rng.normal(0.0, 0.01) for m in 40 * CRUISE]
+    ways_m = [*CRUISE, *FASTER, *steady]
+    sees = [1.0] * (first + len(FASTER)) + [0.0] * len(steady)
+    found = doubted(ways_m, [(way_m - CRUISE_M) * sure for way_m, sure in zip(ways_m, sees, strict=True)], sees)
+    assert set(found) == {*range(first, first + len(FASTER))}
+
+
 def test_hints_of_spins_do_not_add_up() -> None:
     ways_m = [*CRUISE, *(40 * [*CRUISE, 0.55]), *CRUISE, 0.65, *CRUISE]
     denied_m = [0.04 if way_m == 0.55 else 0.0 for way_m in ways_m]
