@@ -30,6 +30,7 @@ from wayfi.frontends.measurements import SECOND_NS, Sensor
 from wayfi.frontends.odometry.driven_path import DrivenPath, PathPoint
 from wayfi.frontends.odometry.live_pose import Anchor
 from wayfi.frontends.odometry.trajectories import Trajectories
+from wayfi.frontends.odometry.wheel_spins import WheelSpins, doubt_spun, wheel_step
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.scan_points import PlacedScan
 from wayfi.frontends.slam_config import SlamConfig
@@ -49,10 +50,8 @@ class SlamCore:
     def __init__(
         self, config: SlamConfig, prior: Calibration, timer: Timer, building: BuildingMap | None = None
     ) -> None:
-        self._config = config
-        self._timer = timer
-        origin = Pose2.of(building.poses[0]) if building else Pose2()
-        self._graph = PoseGraph(config.backend, prior.wheels, origin)
+        self._config, self._timer = config, timer
+        self._graph = PoseGraph(config.backend, prior.wheels, Pose2.of(building.poses[0]) if building else Pose2())
         self.keyframes = Keyframes()
         self._estimate = GraphEstimate(self._graph, self.keyframes, prior.wheels.values, config.backend, timer)
         self._wifi = WifiFrontend(config.wifi, prior.receivers)
@@ -174,10 +173,7 @@ class SlamCore:
         return self._laser_clock.offset_s(path)
 
     def shift_scans(self, seconds: float, trajectories: Trajectories) -> list[Event]:
-        """Move the keyframes with scans to where the robot was `seconds` later: that is when their scans were taken.
-
-        The matches stay as they are, for they relate scans; what the wheels say between them changes.
-        """
+        """Move the keyframes to where their scans were taken, `seconds` later. Matches stay, for they relate scans."""
         moved = self.keyframes.shift(round(seconds * SECOND_NS), trajectories)
         self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(k.point for k in self.keyframes.own)])
         self._laser_clock = LaserClock(self._config.lidar.clock)
@@ -253,7 +249,7 @@ class SlamCore:
 
     def _start_tracking(self) -> None:
         self.steps = StepMatcher(self.keyframes, self._config.lidar, self._config.odometry)
-        self._laser_clock = LaserClock(self._config.lidar.clock)
+        self._laser_clock, self._spins = LaserClock(self._config.lidar.clock), WheelSpins(self._config.odometry)
         self._matches: list[int] = []
         self._walls = WallHeadings(self._graph, self.keyframes, self._config.lidar.walls)
 
@@ -275,23 +271,27 @@ class SlamCore:
         """Add the factors from the newest keyframe to number `number`: the wheels', and the laser's if it matches."""
         motion = self.motion_to(point)
         covariance = self.steps.wheel_covariance(motion, tracked)
-        matched = tracked is not None and self.steps.accepts(tracked)
-        self._graph.add(WheelFactor(number - 1, number, motion, covariance, not (matched or self._matches)))
+        matched, match = tracked is not None and self.steps.accepts(tracked), None
+        wheels = WheelFactor(number - 1, number, motion, covariance, alone=not (matched or self._matches))
+        added = self._graph.add(wheels)
         if tracked and tracked.judged.finding is Finding.MISFIT:
             self.keyframes.begin_piece(self._config.closure.min_path_m)
             self._lidar_closer.search_from(number)
         if tracked and matched:
             self._axes.interrupt()
-            self._add_match(tracked, point, number)
+            match = self._add_match(tracked, point, number)
         else:
             self._axes.follow(number, motion, covariance[2, 2], self.poses)
+        step = wheel_step(added, wheels, self._step(point), match, self.steps.covariance_scale)
+        doubt_spun(self._graph, self._spins.add(step))
 
-    def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> None:
+    def _add_match(self, tracked: KeyframeMatch, point: PathPoint, number: int) -> BetweenFactor:
         match, before = tracked.match, self.keyframes[number - 1]
         factor = BetweenFactor(number - 1, number, match.T_submap_scan, match.covariance)
         self._matches.append(self._graph.add(factor))
         if before.scan is not None:
             self._laser_clock.add_turn(before.point.stamp_ns, point.stamp_ns, match.T_submap_scan.theta)
+        return factor
 
     def _append(self, point: PathPoint, placed: PlacedScan | None, guess: Pose2) -> None:
         self.keyframes.append(Keyframe(point, placed.points if placed else None))

@@ -73,6 +73,13 @@ class OdometryConfig:
     sigma_theta_per_sqrt_rad: float = option(0.02, "rad per sqrt(rad)", "wheels slip when they turn: 1 degree in 1 rad")
     sigma_still_m: float = option(0.003, "m", "what standing still leaves open")
     sigma_still_rad: float = option(0.002, "rad", "as above")
+    spin_around_m: float = option(
+        5.0, "m", "of path before and after, whose usual speed a wheel that spins exceeds; it spins over less than half"
+    )
+    spin_doubted_m: float = option(
+        0.1, "m", "of a wheel's excess that the laser has to see, for half of what is learnt"
+    )
+    share_spins: float = option(0.001, "", "of the times that the wheels are faster for a while, at first: it is rare")
     sigma_restart_m: float = option(
         1.0, "m", "a robot that was pushed aside while nothing ran, and its odometry began anew"
     )

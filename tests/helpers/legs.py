@@ -11,6 +11,7 @@ from wayfi.backend.pose2 import Floats, Pose2
 from wayfi.frontends.events import Event, KeyframeAdded, PosePublished, StateChanged
 from wayfi.frontends.measurements import LaserScan, Measurement, Odometry
 from wayfi.frontends.pipeline import Pipeline
+from wayfi.frontends.result import DriveEstimate
 from wayfi.recordings.simulation import laser
 from wayfi.recordings.simulation.laser import LaserSpec
 from wayfi.recordings.simulation.surfaces import Surfaces, box, still
@@ -63,6 +64,7 @@ class Driven:
     events: list[Event]
     truth: dict[int, Pose2]
     legs_ns: list[int]
+    estimate: DriveEstimate
 
     @property
     def states(self) -> list[tuple[float, str, str]]:
@@ -88,6 +90,12 @@ class Driven:
         late = [self.error(p) for p in self.published() if p.stamp_ns * 1e-9 >= first_s]
         return max(math.hypot(e[0], e[1]) for e in late)
 
+    def worst_along_m(self) -> float:
+        """How far (m) a pose of the whole drive is off at worst along x, as estimated at its end."""
+        stamps_ns, final = self.estimate.stamps_ns.tolist(), self.estimate.final
+        true = np.array([START.between(self.truth[stamp_ns]).x for stamp_ns in stamps_ns])
+        return float(np.abs(final[:, 0] - true).max())
+
     def start_s(self, leg: int) -> float:
         """When a leg began."""
         return self.legs_ns[leg] * 1e-9
@@ -99,7 +107,8 @@ def follow(legs: Sequence[Leg], surfaces: Surfaces | None = None, seed: int = 0)
     for pose, measurement in _measured(legs, surfaces or still(WALLS), np.random.default_rng(seed), begun):
         truth[measurement.stamp_ns] = pose
         events += pipeline.process(measurement)
-    return Driven(events + pipeline.finish()[1], truth, begun)
+    estimate, last = pipeline.finish()
+    return Driven(events + last, truth, begun, estimate)
 
 
 def _measured(
