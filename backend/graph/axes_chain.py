@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 
 from wayfi.backend.graph.backend_config import BackendConfig
-from wayfi.backend.graph.factors import AxisFactor, Factor
+from wayfi.backend.graph.factors import AxisFactor, Factor, WallFactor
 from wayfi.backend.graph.gtsam_factors import axes_key, axes_prior, axes_walk
 from wayfi.backend.pose2 import wrap
 
@@ -24,6 +24,7 @@ class AxesChain:
         self._numbers: dict[tuple[int, int], int] = {}
         self._of_keyframe: dict[int, dict[int, int]] = {}  # by wing
         self._wings: list[int] = []
+        self._walks_rad: list[float] = []
 
     @property
     def states(self) -> int:
@@ -36,6 +37,8 @@ class AxesChain:
         if block not in self._numbers:
             self._numbers[block] = len(self._wings)
             self._wings.append(factor.wing)
+            of_walls = isinstance(factor, WallFactor)
+            self._walks_rad.append(self._config.walk_walls_rad if of_walls else self._config.walk_axes_rad)
         self._of_keyframe.setdefault(factor.b, {})[factor.wing] = self._numbers[block]
 
     def state(self, factor: Factor) -> int:
@@ -56,7 +59,7 @@ class AxesChain:
         before = self.before(state)
         if before is None:
             return axes_prior(state, direction, _ANY_RAD)
-        return axes_walk(before, state, self._config.walk_axes_rad)
+        return axes_walk(before, state, self._walks_rad[state])
 
 
 class AxesStates:

@@ -48,9 +48,9 @@ class _Wing(NamedTuple):
 class WallHeadings:
     """Adds a factor for each sample of path along which scans see walls of a wing that is known.
 
-    A wing begins where some samples in a row have one direction. A sample's sigma is learnt from how far the samples of
-    a drive are from their wings. It counts among the graph's other factors, whose covariances closures find to be
-    `variance_factor` times as large as they are claimed: so it is claimed by as much too large, too.
+    A wing begins where some samples in a row have one direction. A sample's sigma is learnt from how each differs from
+    that before it, since their mean is off where the heading drifts. It counts among the graph's other factors, whose
+    covariances closures find to be `variance_factor` times what they should be: so the sample's is claimed so, too.
     """
 
     def __init__(self, graph: PoseGraph, keyframes: Keyframes, config: WallsConfig) -> None:
@@ -117,7 +117,8 @@ class WallHeadings:
         nearest = min(self._wings, key=lambda wing: abs(_off(sample, wing.samples, poses)), default=None)
         off = _off(sample, nearest.samples, poses) if nearest else math.inf
         if nearest and abs(off) < gate:
-            self._learn(off**2 - spread_rad2)
+            change = quarter(_direction(sample, poses) - _direction(nearest.samples[-1], poses))
+            self._learn(change**2 / 2 - spread_rad2)
             self._add(sample, nearest, poses)
             self._alike = []
             return
@@ -134,9 +135,9 @@ class WallHeadings:
         self._wings = [*self._wings, wing][-_WINGS:]
         self._alike = []
 
-    def _learn(self, off_rad2: float) -> None:
-        """Learn how far samples are off their wing; one that is far off is another wall."""
-        self._sum_rad2 += min(max(off_rad2, 0.0), _SIGMAS**2 * self._sigma_rad2)
+    def _learn(self, rad2: float) -> None:
+        """Learn the variance of samples from one of a wing and that before it; what is far off is another wall."""
+        self._sum_rad2 += min(max(rad2, 0.0), _SIGMAS**2 * self._sigma_rad2)
         self._count += 1
 
     def _add(self, sample: _Sample, wing: _Wing, poses: Floats) -> None:

@@ -1,0 +1,120 @@
+"""Walls hold the heading where each scan match adds its error, and stay out of it where they stand anyhow."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from graphs import PRIOR, STEP
+
+from wayfi.backend.graph.backend_config import BackendConfig
+from wayfi.backend.graph.factors import BetweenFactor, WallFactor
+from wayfi.backend.graph.pose_graph import PoseGraph
+from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.frontends.axes.wall_headings import WallHeadings
+from wayfi.frontends.axes.walls_config import WallsConfig
+from wayfi.frontends.keyframes import Keyframe, Keyframes
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.scan_points import ScanPoints
+
+STEP_M, DRIFT = 0.5, 0.0005  # m, and rad by which each match of a step errs to the left
+Direction = Callable[[int], float]
+
+
+def axes_at_an_angle(_: int) -> float:
+    return 0.3
+
+
+def scan_of(direction: float, heading: float, rng: np.random.Generator) -> ScanPoints:
+    """What is seen of walls that stand along `direction` and across it, with a fifth of furniture."""
+    walls = direction - heading + math.pi / 2 * rng.integers(0, 4, 120) + rng.normal(0.0, 0.02, 120)
+    angles = np.concatenate([walls, rng.uniform(-math.pi, math.pi, 30)])
+    return ScanPoints(rng.normal(size=(150, 2)), np.column_stack([np.cos(angles), np.sin(angles)]), Pose2())
+
+
+class Driving:
+    """A drive around square blocks of 10 m in a building whose walls stand along `direction` at each keyframe."""
+
+    def __init__(self, config: WallsConfig, direction: Direction = axes_at_an_angle) -> None:
+        self.graph, self.keyframes = PoseGraph(BackendConfig(), PRIOR), Keyframes()
+        self.walls = WallHeadings(self.graph, self.keyframes, config)
+        self.headings: list[float] = []
+        self._direction, self._rng, self._truth = direction, np.random.default_rng(5), Pose2()
+
+    def drive(self, steps: int, variance_factor: float = 1.0, turn: Callable[[int], float] | None = None) -> None:
+        for k in range(len(self.headings), len(self.headings) + steps):
+            by = turn(k) if turn else (math.pi / 2 if k % 20 == 19 else 0.0)
+            poses = self.graph.poses()[:k]
+            guess = Pose2()
+            if k == 0:
+                self.graph.add_keyframe(guess)
+            else:
+                self._truth = self._truth @ Pose2(STEP_M, 0.0, by)
+                matched = Pose2(STEP_M, 0.0, by + DRIFT)
+                guess = Pose2.of(poses[-1]) @ matched
+                self.graph.add_keyframe(guess)
+                self.graph.add(BetweenFactor(k - 1, k, matched, STEP / 25))
+            self.headings.append(self._truth.theta)
+            scan = scan_of(self._direction(k), self._truth.theta, self._rng)
+            self.keyframes.append(Keyframe(PathPoint(k, Pose2(), k * STEP_M), scan))
+            self.walls.follow(np.vstack([poses, guess.array()]), 1e-4, variance_factor)
+            self.graph.update()
+
+    def errors(self) -> Floats:
+        """(n,) rad by which the headings err."""
+        return np.array([wrap(e) for e in self.graph.poses()[:, 2] - np.array(self.headings)])
+
+    def factors(self) -> list[WallFactor]:
+        return self.graph.of_kind(WallFactor)
+
+
+def test_walls_hold_the_heading_that_matches_lose() -> None:
+    with_walls, without = Driving(WallsConfig()), Driving(WallsConfig(enabled=False))
+    with_walls.drive(200)
+    without.drive(200)
+    assert without.errors()[-1] > 0.09
+    assert without.factors() == []
+    assert np.abs(with_walls.errors()).max() < 0.03
+    assert {factor.wing for factor in with_walls.factors()} == {1}
+
+
+def test_the_robot_comes_back_to_a_wing_at_an_angle() -> None:
+    driving = Driving(WallsConfig(), lambda k: 0.7 if 60 <= k < 120 or k >= 180 else 0.3)
+    driving.drive(240)
+    wings = [factor.wing for factor in driving.factors()]
+    assert set(wings) == {1, 2}
+    assert wings[-1] == 2
+    assert np.abs(driving.errors()).max() < 0.04
+
+
+def test_a_round_wall_begins_no_wing() -> None:
+    """A ring of corridor, 20 m in radius: the nearest walls turn with the robot."""
+    driving = Driving(WallsConfig(), lambda k: 0.025 * k)
+    driving.drive(200, turn=lambda _: 0.025)
+    assert driving.factors() == []
+
+
+def test_a_robot_that_was_moved_begins_anew() -> None:
+    driving = Driving(WallsConfig())
+    driving.drive(60)
+    driving.keyframes.begin_piece(10.0)
+    driving.drive(60)
+    assert {factor.wing for factor in driving.factors()} == {1, 2}
+    assert all(factor.wing == (1 if factor.b < 60 else 2) for factor in driving.factors())
+
+
+def test_what_the_graph_claims_too_large_walls_claim_too() -> None:
+    driving = Driving(WallsConfig())
+    driving.drive(100, variance_factor=1.0)
+    before = driving.factors()
+    driving.walls.weigh_again(0.25)
+    driving.graph.update()
+    assert [f.sigma_rad for f in driving.factors()] == [2 * f.sigma_rad for f in before]
+    driving.drive(20, variance_factor=0.25)
+    assert driving.factors()[-1].sigma_rad > 1.8 * before[-1].sigma_rad
+
+
+def test_a_sample_of_exact_walls_is_believed_more_as_the_drive_goes_on() -> None:
+    driving = Driving(WallsConfig())
+    driving.drive(300)
+    sigmas = [factor.sigma_rad for factor in driving.factors()]
+    assert sigmas[-1] < 0.7 * sigmas[0]
