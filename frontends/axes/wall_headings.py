@@ -49,8 +49,8 @@ class WallHeadings:
     """Adds a factor for each sample of path along which scans see walls of a wing that is known.
 
     A wing begins where some samples in a row have one direction. A sample's sigma is learnt from how each differs from
-    that before it, since their mean is off where the heading drifts. It counts among the graph's other factors, whose
-    covariances closures find to be `variance_factor` times what they should be: so the sample's is claimed so, too.
+    that before it, since their mean is off where the heading drifts. It counts among the graph's other factors, which
+    claim 1 / `variance_factor` times their variance, as closures find: so its variance is claimed as much larger.
     """
 
     def __init__(self, graph: PoseGraph, keyframes: Keyframes, config: WallsConfig) -> None:

@@ -16,6 +16,7 @@ from wayfi.frontends.keyframes import Keyframe, Keyframes
 from wayfi.frontends.odometry.driven_path import PathPoint
 from wayfi.frontends.scan_points import ScanPoints
 
+ENABLED = WallsConfig(enabled=True)
 STEP_M, DRIFT = 0.5, 0.0005  # m, and rad by which each match of a step errs to the left
 Direction = Callable[[int], float]
 
@@ -68,7 +69,7 @@ class Driving:
 
 
 def test_walls_hold_the_heading_that_matches_lose() -> None:
-    with_walls, without = Driving(WallsConfig()), Driving(WallsConfig(enabled=False))
+    with_walls, without = Driving(ENABLED), Driving(WallsConfig())
     with_walls.drive(200)
     without.drive(200)
     assert without.errors()[-1] > 0.09
@@ -78,7 +79,7 @@ def test_walls_hold_the_heading_that_matches_lose() -> None:
 
 
 def test_the_robot_comes_back_to_a_wing_at_an_angle() -> None:
-    driving = Driving(WallsConfig(), lambda k: 0.7 if 60 <= k < 120 or k >= 180 else 0.3)
+    driving = Driving(ENABLED, lambda k: 0.7 if 60 <= k < 120 or k >= 180 else 0.3)
     driving.drive(240)
     wings = [factor.wing for factor in driving.factors()]
     assert set(wings) == {1, 2}
@@ -88,13 +89,13 @@ def test_the_robot_comes_back_to_a_wing_at_an_angle() -> None:
 
 def test_a_round_wall_begins_no_wing() -> None:
     """A ring of corridor, 20 m in radius: the nearest walls turn with the robot."""
-    driving = Driving(WallsConfig(), lambda k: 0.025 * k)
+    driving = Driving(ENABLED, lambda k: 0.025 * k)
     driving.drive(200, turn=lambda _: 0.025)
     assert driving.factors() == []
 
 
 def test_a_robot_that_was_moved_begins_anew() -> None:
-    driving = Driving(WallsConfig())
+    driving = Driving(ENABLED)
     driving.drive(60)
     driving.keyframes.begin_piece(10.0)
     driving.drive(60)
@@ -103,7 +104,7 @@ def test_a_robot_that_was_moved_begins_anew() -> None:
 
 
 def test_what_the_graph_claims_too_large_walls_claim_too() -> None:
-    driving = Driving(WallsConfig())
+    driving = Driving(ENABLED)
     driving.drive(100, variance_factor=1.0)
     before = driving.factors()
     driving.walls.weigh_again(0.25)
@@ -114,7 +115,7 @@ def test_what_the_graph_claims_too_large_walls_claim_too() -> None:
 
 
 def test_a_sample_of_exact_walls_is_believed_more_as_the_drive_goes_on() -> None:
-    driving = Driving(WallsConfig())
+    driving = Driving(ENABLED)
     driving.drive(300)
     sigmas = [factor.sigma_rad for factor in driving.factors()]
     assert sigmas[-1] < 0.7 * sigmas[0]
