@@ -173,7 +173,7 @@ class SlamCore:
         return self._laser_clock.offset_s(path)
 
     def shift_scans(self, seconds: float, trajectories: Trajectories) -> list[Event]:
-        """Move the keyframes to where their scans were taken, `seconds` later. Matches stay, for they relate scans."""
+        """Move the keyframes with scans to where those were taken, `seconds` later; matches relate scans, and stay."""
         moved = self.keyframes.shift(round(seconds * SECOND_NS), trajectories)
         self._graph.replace_motions([a.motion_to(b) for a, b in pairwise(k.point for k in self.keyframes.own)])
         self._laser_clock = LaserClock(self._config.lidar.clock)

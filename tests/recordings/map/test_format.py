@@ -12,8 +12,10 @@ import pytest
 from building_maps.made_up import made_up_map
 from places import ROOT
 
-from wayfi.backend.graph.factors import AxisFactor, NearFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, NearFactor, WallFactor, WheelFactor
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.recordings.map.columns import read_parquet
+from wayfi.recordings.map.factor_table import KINDS, factor_table, read_factors
 from wayfi.recordings.map.saving import save_map
 
 FORMAT = (ROOT / "recordings" / "map" / "FORMAT.md").read_text()
@@ -98,6 +100,17 @@ def test_factors_closures_and_fingerprints_are_as_the_text_says(folder: Path, bu
     assert [k for k, vetoed in enumerate(closures["vetoed"]) if vetoed] == sorted(building.vetoed)
     weights = table(folder, "access_points")
     assert dict(zip(weights["bssid"], weights["weight"], strict=True)) == building.weights
+
+
+def test_what_walls_told_of_a_heading_is_read_as_that() -> None:
+    told = {4: AxisFactor(2, 1, 0.3, 0.1), 7: WallFactor(3, 2, -1.2, 0.02)}
+    read = read_factors(read_parquet(factor_table(list(told), list(told.values()))))
+    assert read == told
+    assert {number: type(factor) for number, factor in read.items()} == {4: AxisFactor, 7: WallFactor}
+
+
+def test_every_kind_of_factor_is_in_the_text() -> None:
+    assert {kind for kind in KINDS.values() if f"| `{kind}` |" not in FORMAT} == set()
 
 
 def test_the_grid_is_as_the_text_says(folder: Path, building: BuildingMap) -> None:
