@@ -20,9 +20,11 @@ from wayfi.frontends.keyframes import Keyframes
 
 _SPREAD_RAD = 0.05  # of the scans of a sample: of those with more the robot turned, or they saw other walls each
 _SIGMAS = 3.0  # that a sample of a wing is off it at most
+_REMEMBERED = 40  # samples from which the next one's sigma is learnt: 120 m
+_HERE_RAD = QUARTER / 4  # further off an axis of the wing where the robot is it is not plain which one is meant
+_ELSEWHERE_RAD = 0.05  # of another wing it has come back to: by chance every sixteenth is so near
 _RECENT = 20  # samples that tell the direction of a wing: 60 m
 _WINGS = 16  # that are known: the robot comes back to some of them
-_UNSURE_RAD = QUARTER / 4  # off an axis it is no longer plain which one is meant
 
 
 class _Seen(NamedTuple):
@@ -33,11 +35,13 @@ class _Seen(NamedTuple):
 
 
 class _Sample(NamedTuple):
-    """At `keyframe` the robot headed `turned` rad from an axis, to `sigma_rad`."""
+    """At `keyframe` the robot headed `turned` rad from an axis, to `sigma_rad`; its heading had `variance` (rad^2)."""
 
     keyframe: int
     turned: float
     sigma_rad: float
+    spread_rad2: float
+    variance: float
 
 
 class _Wing(NamedTuple):
@@ -56,8 +60,7 @@ class WallHeadings:
     def __init__(self, graph: PoseGraph, keyframes: Keyframes, config: WallsConfig) -> None:
         self._graph, self._keyframes, self._config = graph, keyframes, config
         self.sigmas_rad: dict[int, float] = {}  # by the number of the factor
-        self._sum_rad2 = config.sigma_samples * config.sigma_rad**2
-        self._count = config.sigma_samples
+        self._offs_rad2 = [config.sigma_rad**2] * config.sigma_samples
         self._variance_factor = 1.0
         self._seen: list[_Seen] = []
         self._wings: list[_Wing] = []
@@ -73,11 +76,11 @@ class WallHeadings:
         self._see(number)
         path_m = self._keyframes.paths_m
         if self._seen and path_m[number] - path_m[self._seen[0].keyframe] >= self._config.sample_m:
-            sample, spread_rad2 = self._sample(poses)
+            sample = self._sample(poses, variance)
             self._seen = []
-            if spread_rad2 < _SPREAD_RAD**2:
+            if sample.spread_rad2 < _SPREAD_RAD**2:
                 self._variance_factor = variance_factor
-                self._judge(sample, spread_rad2, variance, poses)
+                self._judge(sample, poses)
 
     def weigh_again(self, variance_factor: float) -> None:
         """At the end, claim all samples by the last `variance_factor`."""
@@ -89,7 +92,7 @@ class WallHeadings:
     @property
     def _sigma_rad2(self) -> float:
         """The variance of a sample whose scans agree."""
-        return max(self._sum_rad2 / self._count, self._config.least_sigma_rad**2)
+        return max(float(np.mean(self._offs_rad2)), self._config.least_sigma_rad**2)
 
     def _interrupt(self) -> None:
         """The robot was moved: where it heads is not known from what was before."""
@@ -101,44 +104,51 @@ class WallHeadings:
         if walls and walls.share >= self._config.min_share and walls.points >= self._config.min_points:
             self._seen.append(_Seen(number, walls.angle))
 
-    def _sample(self, poses: Floats) -> tuple[_Sample, float]:
+    def _sample(self, poses: Floats, variance: float) -> _Sample:
         """What the scans since the last sample say of the heading at the last of them, and their variance (rad^2)."""
         headings = poses[[seen.keyframe for seen in self._seen], 2]
         mean = np.exp(4j * (headings + [seen.angle for seen in self._seen])).mean()
         spread_rad2 = -2 * math.log(max(abs(mean), 1e-9)) / 16
         turned = wrap(float(headings[-1]) - float(np.angle(mean)) / 4)
-        return _Sample(self._seen[-1].keyframe, turned, math.sqrt(self._sigma_rad2 + spread_rad2)), spread_rad2
+        sigma_rad = math.sqrt(self._sigma_rad2 + spread_rad2)
+        return _Sample(self._seen[-1].keyframe, turned, sigma_rad, spread_rad2, variance)
 
-    def _judge(self, sample: _Sample, spread_rad2: float, variance: float, poses: Floats) -> None:
-        """Let a sample be one of the wing that it is nearest to, or begin another with those before it."""
-        gate = _SIGMAS * math.sqrt(sample.sigma_rad**2 + self._sigma_rad2 + variance)
-        if gate > _UNSURE_RAD:
-            self._wings, gate = [], _UNSURE_RAD
-        nearest = min(self._wings, key=lambda wing: abs(_off(sample, wing.samples, poses)), default=None)
-        off = _off(sample, nearest.samples, poses) if nearest else math.inf
-        if nearest and abs(off) < gate:
-            change = quarter(_direction(sample, poses) - _direction(nearest.samples[-1], poses))
-            self._learn(change**2 / 2 - spread_rad2)
-            self._add(sample, nearest, poses)
+    def _judge(self, sample: _Sample, poses: Floats) -> None:
+        """Let a sample be one of the wing that alone it may be of, or begin another with those before it."""
+        near = [wing for wing in self._wings[:-1] if self._is_near(sample, wing.samples, poses, _ELSEWHERE_RAD)]
+        near += [wing for wing in self._wings[-1:] if self._is_near(sample, wing.samples, poses, _HERE_RAD)]
+        may_begin = bool(self._alike) and self._is_near(sample, self._alike, poses, _HERE_RAD)
+        if len(near) + may_begin > 1:
+            return
+        if near:
+            self._learn(sample, near[0].samples, poses)
+            self._add(sample, near[0], poses)
+            self._wings.sort(key=lambda wing: wing is near[0])
             self._alike = []
             return
-        if self._alike and abs(_off(sample, self._alike, poses)) > gate:
-            self._alike = []
-        self._alike.append(sample)
+        self._alike = [*self._alike, sample] if may_begin else [sample]
         if len(self._alike) >= self._config.samples_alike:
             self._begin_wing(poses)
+
+    def _is_near(self, sample: _Sample, samples: Sequence[_Sample], poses: Floats, most: float) -> bool:
+        """Whether a sample may be of the same walls as others: the heading has drifted since the last of them."""
+        drift_rad2 = max(sample.variance - samples[-1].variance, 0.0)
+        mean_rad2 = self._sigma_rad2 * min(self._config.together / len(samples), 1.0)
+        gate = _SIGMAS * math.sqrt(sample.sigma_rad**2 + mean_rad2 + drift_rad2)
+        return abs(_off(sample, samples, poses)) < min(gate, most)
 
     def _begin_wing(self, poses: Floats) -> None:
         wing = _Wing(self._graph.newest_wing + 1, [])
         for sample in self._alike:
+            self._learn(sample, self._alike, poses)
             self._add(sample, wing, poses)
         self._wings = [*self._wings, wing][-_WINGS:]
         self._alike = []
 
-    def _learn(self, rad2: float) -> None:
-        """Learn the variance of samples from one of a wing and that before it; what is far off is another wall."""
-        self._sum_rad2 += min(max(rad2, 0.0), _SIGMAS**2 * self._sigma_rad2)
-        self._count += 1
+    def _learn(self, sample: _Sample, samples: Sequence[_Sample], poses: Floats) -> None:
+        """Learn the variance of samples from how far one is off others of its wing; what is far off is another wall."""
+        rad2 = max(_off(sample, samples, poses) ** 2 - sample.spread_rad2, 0.0)
+        self._offs_rad2 = [*self._offs_rad2, min(rad2, _SIGMAS**2 * self._sigma_rad2)][-_REMEMBERED:]
 
     def _add(self, sample: _Sample, wing: _Wing, poses: Floats) -> None:
         if wing.samples:
@@ -158,5 +168,6 @@ def _direction(sample: _Sample, poses: Floats) -> float:
 
 def _off(sample: _Sample, samples: Sequence[_Sample], poses: Floats) -> float:
     """How far (rad) a sample is off the mean direction of others, modulo a quarter turn."""
-    mean = np.exp([4j * _direction(other, poses) for other in samples]).sum()
+    weights = [other.sigma_rad**-2 for other in samples]
+    mean = weights @ np.exp([4j * _direction(other, poses) for other in samples])
     return quarter(_direction(sample, poses) - float(np.angle(mean)) / 4)

@@ -14,9 +14,9 @@ class WallsConfig:
     min_share: float = option(0.35, "", "of a scan's normals within 0.05 rad of the axes: furniture has 0.1")
     min_points: int = option(30, "", "that these are at least: fewer were off by 16 mrad in a castle, others by 7")
     sigma_rad: float = option(
-        0.015, "rad", "of a sample at first, then learnt: 1.4 mrad in a new office, 15 among cars"
+        0.008, "rad", "of a sample at first, then learnt: 1.4 mrad in a new office, 15 among cars"
     )
-    sigma_samples: float = option(10.0, "samples", "of that sigma which are imagined")
+    sigma_samples: int = option(3, "samples", "of that sigma which are imagined")
     least_sigma_rad: float = option(0.002, "rad", "that is learnt at best")
     together: float = option(2.25, "samples", "that err alike, for they see some of the same walls: 1.4 to 3.6")
     samples_alike: int = option(4, "samples", "that begin a wing: 12 m of path, over which a round wall turns")
