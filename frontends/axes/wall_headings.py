@@ -18,7 +18,7 @@ from wayfi.frontends.axes.wall_direction import QUARTER, quarter, wall_direction
 from wayfi.frontends.axes.walls_config import WallsConfig
 from wayfi.frontends.keyframes import Keyframes
 
-_SPREAD_RAD = 0.05  # of the scans of a sample: of those with more the robot turned, or they saw other walls each
+_SPREAD_RAD = 0.02  # of the scans of a sample: of those with more the robot turned, or they saw two wings
 _SIGMAS = 3.0  # that a sample of a wing is off it at most
 _REMEMBERED = 40  # samples from which the next one's sigma is learnt: 120 m
 _HERE_RAD = QUARTER / 4  # further off an axis of the wing where the robot is it is not plain which one is meant
