@@ -57,7 +57,7 @@ class Driving:
             self.headings.append(self._truth.theta)
             scan = scan_of(self._direction(k), self._truth.theta, self._rng)
             self.keyframes.append(Keyframe(PathPoint(k, Pose2(), k * STEP_M), scan))
-            self.walls.follow(np.vstack([poses, guess.array()]), 1e-4, variance_factor)
+            self.walls.follow(np.vstack([poses, guess.array()]), 1e-4 + (k * DRIFT) ** 2, variance_factor)
             self.graph.update()
 
     def errors(self) -> Floats:
@@ -115,7 +115,21 @@ def test_what_the_graph_claims_too_large_walls_claim_too() -> None:
 
 
 def test_a_sample_of_exact_walls_is_believed_more_as_the_drive_goes_on() -> None:
-    driving = Driving(ENABLED)
+    driving = Driving(WallsConfig(enabled=True, sigma_rad=0.03))
     driving.drive(300)
     sigmas = [factor.sigma_rad for factor in driving.factors()]
     assert sigmas[-1] < 0.7 * sigmas[0]
+
+
+def test_a_bridge_five_degrees_off_the_house_before_it_does_not_pull_the_heading() -> None:
+    driving = Driving(ENABLED, lambda k: 0.3 if k < 80 else 0.39 if k < 140 else 0.8)
+    driving.drive(220)
+    assert all(factor.wing != 1 for factor in driving.factors() if factor.b >= 80)
+    assert {factor.wing for factor in driving.factors() if factor.b >= 140} == {2}
+    assert np.abs(driving.errors()).max() < 0.07
+
+
+def test_scans_that_saw_two_wings_tell_nothing() -> None:
+    driving = Driving(ENABLED, lambda k: 0.3 if k % 2 else 0.35)
+    driving.drive(100)
+    assert driving.factors() == []
