@@ -83,11 +83,17 @@ class WallHeadings:
                 self._judge(sample, poses)
 
     def weigh_again(self, variance_factor: float) -> None:
-        """At the end, claim all samples by the last `variance_factor`."""
-        for number, factor in self._graph.factors().items():
-            if isinstance(factor, WallFactor) and number in self.sigmas_rad:
-                sigma_rad = self.sigmas_rad[number] / math.sqrt(variance_factor)
-                self._graph.substitute(number, replace(factor, sigma_rad=sigma_rad))
+        """At the end, claim all samples by the last `variance_factor`, and optimise anew.
+
+        To take so many factors out of iSAM2 and others in would cost as much memory as all else.
+        """
+        factors = self._graph.factors().items()
+        samples = {n: factor for n, factor in factors if isinstance(factor, WallFactor) and n in self.sigmas_rad}
+        for number, factor in samples.items():
+            sigma_rad = self.sigmas_rad[number] / math.sqrt(variance_factor)
+            self._graph.substitute(number, replace(factor, sigma_rad=sigma_rad))
+        if samples:
+            self._graph.restart(self._graph.calibrations(), self._graph.poses())
 
     @property
     def _sigma_rad2(self) -> float:
