@@ -63,7 +63,7 @@ class WallHeadings:
         self._offs_rad2 = [config.sigma_rad**2] * config.sigma_samples
         self._variance_factor = 1.0
         self._seen: list[_Seen] = []
-        self._wings: list[_Wing] = []
+        self._wings: list[_Wing] = []  # the last is where the robot is
         self._alike: list[_Sample] = []
 
     def follow(self, poses: Floats, variance: float, variance_factor: float) -> None:
