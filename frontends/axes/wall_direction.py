@@ -1,4 +1,9 @@
-"""The direction of most walls that a scan sees, from its normals, modulo a quarter turn."""
+"""The direction of most walls that a scan sees, modulo a quarter turn.
+
+Its normals tell which walls these are, and the points where they stand: seen along their direction they fall on few
+lines. A row of parked cars, none of which stands straight, is as straight as its building. Projections as sharp as can
+be are an old measure of a drawing's skew (Postl, 1986); for scans see Censi, Iocchi and Grisetti, ICRA 2005.
+"""
 
 import math
 from typing import NamedTuple
@@ -14,6 +19,9 @@ _PEAK = (1.0, 2.0, 3.0, 2.0, 1.0)  # the weights of neighbouring bins
 _NEAR_RAD = 0.03  # what is further off the mode has no part in the mean
 _ALONG_RAD = 0.05  # what is further off stands along no axis
 _ROUNDS = 6  # of the mean around the mode, which moves by less than 0.1 mrad in the last
+_LINE_M = 0.04  # the width of a line on which points fall
+_STEPS_RAD = (0.01, 0.001)  # in which directions are tried: at first 12 around the normals' mode, to either side
+_TRIED = 12
 
 
 class WallDirection(NamedTuple):
@@ -32,14 +40,14 @@ def quarter(angle: float) -> float:
     return (angle + QUARTER / 2) % QUARTER - QUARTER / 2
 
 
-def wall_direction(normals: Floats) -> WallDirection | None:
-    """The mode of the `normals` (n, 2; NaN where unknown) modulo a quarter turn; None where none is known."""
-    known = normals[np.isfinite(normals[:, 0])]
-    if not len(known):
+def wall_direction(points: Floats, normals: Floats) -> WallDirection | None:
+    """The direction of most walls on which `points` (n, 2) m stand; None where no normal (n, 2; or NaN) is known."""
+    known = np.isfinite(normals[:, 0])
+    if not known.any():
         return None
-    angles = np.arctan2(known[:, 1], known[:, 0]) % QUARTER
+    angles = np.arctan2(normals[known, 1], normals[known, 0]) % QUARTER
     mode, near = _mode(angles)
-    return WallDirection(mode, near / len(angles), near)
+    return WallDirection(_sharpest(points[known], mode) % QUARTER, near / len(angles), near)
 
 
 @njit(cache=True)
@@ -60,3 +68,33 @@ def _mode(angles: Floats) -> tuple[float, int]:
             mode += (weights * off).sum() / weights.sum()
     off = (angles - mode + QUARTER / 2) % QUARTER - QUARTER / 2
     return mode % QUARTER, int((np.abs(off) < _ALONG_RAD).sum())
+
+
+@njit(cache=True)
+def _sharpest(points: Floats, angle: float) -> float:
+    """The direction near `angle` along which points (n, 2) fall on the fewest lines, and at right angles to it."""
+    reach = math.sqrt((points**2).sum(axis=1).max())
+    counts = np.zeros(int(2 * reach / _LINE_M) + 3)
+    sharpness = np.zeros(2 * _TRIED + 1)
+    for step in _STEPS_RAD:
+        for k in range(len(sharpness)):
+            tried = angle + (k - _TRIED) * step
+            sharpness[k] = _sharpness(points, tried, reach, counts) + _sharpness(points, tried + QUARTER, reach, counts)
+        best = min(max(np.argmax(sharpness), 1), len(sharpness) - 2)
+        angle += (best - _TRIED) * step
+    before, at, after = sharpness[best - 1], sharpness[best], sharpness[best + 1]
+    bend = before - 2.0 * at + after
+    return angle + (0.5 * step * (before - after) / bend if bend < 0.0 else 0.0)
+
+
+@njit(cache=True)
+def _sharpness(points: Floats, angle: float, reach: float, counts: Floats) -> float:
+    """The sum of the counts, to the power of 1.5, of points on lines along `angle`, in `counts`."""
+    c, s = math.cos(angle), math.sin(angle)
+    counts[:] = 0.0
+    for x, y in points:
+        line = (c * y - s * x + reach) / _LINE_M
+        k = int(line)
+        counts[k] += k + 1 - line
+        counts[k + 1] += line - k
+    return (counts * np.sqrt(counts)).sum()

@@ -106,7 +106,7 @@ class WallHeadings:
 
     def _see(self, number: int) -> None:
         scan = self._keyframes[number].scan
-        walls = wall_direction(scan.normals) if scan else None
+        walls = wall_direction(scan.points, scan.normals) if scan else None
         if walls and walls.share >= self._config.min_share and walls.points >= self._config.min_points:
             self._seen.append(_Seen(number, walls.angle))
 
@@ -120,45 +120,56 @@ class WallHeadings:
         return _Sample(self._seen[-1].keyframe, turned, sigma_rad, spread_rad2, variance)
 
     def _judge(self, sample: _Sample, poses: Floats) -> None:
-        """Let a sample be one of the wing that alone it may be of, or begin another with those before it."""
-        near = [wing for wing in self._wings[:-1] if self._is_near(sample, wing.samples, poses, _ELSEWHERE_RAD)]
-        near += [wing for wing in self._wings[-1:] if self._is_near(sample, wing.samples, poses, _HERE_RAD)]
-        may_begin = bool(self._alike) and self._is_near(sample, self._alike, poses, _HERE_RAD)
-        if len(near) + may_begin > 1:
-            return
-        if near:
-            self._learn(sample, near[0].samples, poses)
-            self._add(sample, near[0], poses)
-            self._wings.sort(key=lambda wing: wing is near[0])
+        """Let a sample be one of the wing that alone it may be of, or wait with others like it until they are plain."""
+        if self._alike and self._is_near([sample], self._alike, poses, _HERE_RAD):
+            self._alike = [*self._alike, sample]
+        elif wings := self._wings_near([sample], poses):
             self._alike = []
-            return
-        self._alike = [*self._alike, sample] if may_begin else [sample]
+            if len(wings) == 1:
+                self._add_to(wings[0], [sample], poses)
+        else:
+            self._alike = [sample]
         if len(self._alike) >= self._config.samples_alike:
-            self._begin_wing(poses)
+            wings = self._wings_near(self._alike, poses)
+            if len(wings) <= 1:
+                self._add_to(wings[0] if wings else self._new_wing(), self._alike, poses)
+            self._alike = []
 
-    def _is_near(self, sample: _Sample, samples: Sequence[_Sample], poses: Floats, most: float) -> bool:
-        """Whether a sample may be of the same walls as others: the heading has drifted since the last of them."""
-        drift_rad2 = max(sample.variance - samples[-1].variance, 0.0)
-        mean_rad2 = self._sigma_rad2 * min(self._config.together / len(samples), 1.0)
-        gate = _SIGMAS * math.sqrt(sample.sigma_rad**2 + mean_rad2 + drift_rad2)
-        return abs(_off(sample, samples, poses)) < min(gate, most)
+    def _wings_near(self, samples: Sequence[_Sample], poses: Floats) -> list[_Wing]:
+        """The wings of which samples in a row may be."""
+        near = [wing for wing in self._wings[:-1] if self._is_near(samples, wing.samples, poses, _ELSEWHERE_RAD)]
+        return near + [wing for wing in self._wings[-1:] if self._is_near(samples, wing.samples, poses, _HERE_RAD)]
 
-    def _begin_wing(self, poses: Floats) -> None:
-        wing = _Wing(self._graph.newest_wing + 1, [])
-        for sample in self._alike:
-            self._learn(sample, self._alike, poses)
+    def _is_near(self, samples: Sequence[_Sample], others: Sequence[_Sample], poses: Floats, most: float) -> bool:
+        """Whether samples may be of the same walls as others before: the heading has drifted since the last of them."""
+        drift_rad2 = max(samples[0].variance - others[-1].variance, 0.0)
+        gate = _SIGMAS * math.sqrt(self._mean_rad2(samples) + self._mean_rad2(others) + drift_rad2)
+        return abs(quarter(_direction(samples, poses) - _direction(others, poses))) < min(gate, most)
+
+    def _mean_rad2(self, samples: Sequence[_Sample]) -> float:
+        """The variance of the mean of samples."""
+        return min(self._config.together / len(samples), 1.0) / float(np.mean([s.sigma_rad**-2 for s in samples]))
+
+    def _new_wing(self) -> _Wing:
+        self._wings = [*self._wings, _Wing(self._graph.newest_wing + 1, [])][-_WINGS:]
+        return self._wings[-1]
+
+    def _add_to(self, wing: _Wing, samples: Sequence[_Sample], poses: Floats) -> None:
+        """Samples are of a wing, which is where the robot is."""
+        for sample in samples:
+            self._learn(sample, wing.samples or samples, poses)
             self._add(sample, wing, poses)
-        self._wings = [*self._wings, wing][-_WINGS:]
-        self._alike = []
+        self._wings.sort(key=lambda other: other is wing)
 
     def _learn(self, sample: _Sample, samples: Sequence[_Sample], poses: Floats) -> None:
         """Learn the variance of samples from how far one is off others of its wing; what is far off is another wall."""
-        rad2 = max(_off(sample, samples, poses) ** 2 - sample.spread_rad2, 0.0)
+        off = quarter(_direction([sample], poses) - _direction(samples, poses))
+        rad2 = max(off**2 - sample.spread_rad2, 0.0)
         self._offs_rad2 = [*self._offs_rad2, min(rad2, _SIGMAS**2 * self._sigma_rad2)][-_REMEMBERED:]
 
     def _add(self, sample: _Sample, wing: _Wing, poses: Floats) -> None:
         if wing.samples:
-            quarters = round((_direction(sample, poses) - _direction(wing.samples[-1], poses)) / QUARTER)
+            quarters = round((_angle(sample, poses) - _angle(wing.samples[-1], poses)) / QUARTER)
             sample = sample._replace(turned=wrap(sample.turned + QUARTER * quarters))
         wing.samples.append(sample)
         del wing.samples[:-_RECENT]
@@ -168,12 +179,11 @@ class WallHeadings:
         self.sigmas_rad[number] = sigma_rad
 
 
-def _direction(sample: _Sample, poses: Floats) -> float:
+def _angle(sample: _Sample, poses: Floats) -> float:
     return float(poses[sample.keyframe, 2]) - sample.turned
 
 
-def _off(sample: _Sample, samples: Sequence[_Sample], poses: Floats) -> float:
-    """How far (rad) a sample is off the mean direction of others, modulo a quarter turn."""
-    weights = [other.sigma_rad**-2 for other in samples]
-    mean = weights @ np.exp([4j * _direction(other, poses) for other in samples])
-    return quarter(_direction(sample, poses) - float(np.angle(mean)) / 4)
+def _direction(samples: Sequence[_Sample], poses: Floats) -> float:
+    """The mean direction (rad) of the walls of samples, modulo a quarter turn."""
+    weights = [sample.sigma_rad**-2 for sample in samples]
+    return float(np.angle(weights @ np.exp([4j * _angle(sample, poses) for sample in samples]))) / 4

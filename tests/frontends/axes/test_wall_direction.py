@@ -19,7 +19,7 @@ def test_four_walls_tell_the_heading_to_a_milliradian_beside_furniture(heading: 
     rng = np.random.default_rng(1)
     walls = heading + QUARTER * rng.integers(0, 4, 400) + rng.normal(0.0, 0.02, 400)
     furniture = rng.uniform(-math.pi, math.pi, 150)
-    seen = wall_direction(normals_of(np.concatenate([walls, furniture])))
+    seen = wall_direction(X, normals_of(np.concatenate([walls, furniture])))
     assert seen is not None
     assert quarter(seen.angle - heading) == pytest.approx(0.0, abs=3e-3)
     assert 0 <= seen.angle < QUARTER
@@ -28,13 +28,13 @@ def test_four_walls_tell_the_heading_to_a_milliradian_beside_furniture(heading: 
 
 
 def test_what_stands_anyhow_has_no_share() -> None:
-    seen = wall_direction(normals_of(np.random.default_rng(2).uniform(-math.pi, math.pi, 2000)))
+    seen = wall_direction(X, normals_of(np.random.default_rng(2).uniform(-math.pi, math.pi, 2000)))
     assert seen is not None
     assert seen.share < 0.12
 
 
 def test_walls_at_an_angle_do_not_draw_those_along_the_axes() -> None:
-    seen = wall_direction(normals_of(np.concatenate([np.full(200, 0.3), np.full(120, 0.3 + 0.06)])))
+    seen = wall_direction(X, normals_of(np.concatenate([np.full(200, 0.3), np.full(120, 0.3 + 0.06)])))
     assert seen is not None
     assert seen.angle == pytest.approx(0.3, abs=1e-6)
 
