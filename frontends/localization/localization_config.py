@@ -93,6 +93,7 @@ class ClaimConfig:
     lost_fixes: int = option(4, "", "in a row that contradict the map: LOST")
     agreeing: int = option(3, "", "in a row that agree again: TRACKING")
     wifi_scans: int = option(3, "", "of WiFi in a row that name a place elsewhere: LOST")
+    wifi_scans_apart_m: float = option(1.5, "m", "of path between scans that count: those that are nearer err alike")
     wifi_apart_m: float = option(6.0, "m", "between that place and the pose")
     wifi_below_best: float = option(8.0, "nats", "that WiFi puts the pose below its best place")
 

@@ -42,7 +42,7 @@ class Localizer:
         self._belief = WifiBelief(building, config.wifi)
         self._wifi = WifiSupport(())
         self._hypotheses: list[Hypothesis] = []
-        self._elsewhere = 0
+        self._elsewhere, self._elsewhere_m = 0, 0.0  # WiFi scans in a row, and the path at the last that counted
         self._coarse = CoarseClaim(config.coarse_claim)
         self._worked_ns, self._due = 0, 0.0  # the slices of work that are due by then
         self._scanned_m = 0.0  # of path, up to the last scan
@@ -105,7 +105,11 @@ class Localizer:
         apart = self._wifi.wide_nats(T, floor) < -config.wifi_below_best
         apart &= self._wifi.metres(T, floor) > config.wifi_apart_m
         apart |= self._wifi.is_elsewhere(config.least_in_map)
-        self._elsewhere = self._elsewhere + 1 if apart else 0
+        path_m = self._track.point(self._track.newest).path_m
+        if not apart:
+            self._elsewhere = 0
+        elif not self._elsewhere or path_m - self._elsewhere_m >= config.wifi_scans_apart_m:
+            self._elsewhere, self._elsewhere_m = self._elsewhere + 1, path_m
 
     def add_initial(self, T_map_base: Pose2, covariance: Floats) -> None:
         """Follow a pose that was given from outside as one more hypothesis, on each floor."""

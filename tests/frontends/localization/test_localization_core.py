@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from building_maps.halls import ACCESS_POINTS, Hall, around, hall, map_of
+from building_maps.halls import ACCESS_POINTS, LENGTH_M, WIDTH_M, Hall, around, hall, map_of
 from rooms import see
 
 from wayfi.backend.graph.health import State
@@ -34,7 +34,7 @@ class Robot:
         self.core = LocalizationCore(SlamConfig(), building.calibration, untimed, building)
         self.rng = np.random.default_rng(seed)
         self.laser, self.wifi = laser, wifi
-        self.T_odom_base, self.path_m, self.keyframe = Pose2(), 0.0, 0
+        self.T_odom_base, self.path_m, self.seconds = Pose2(), 0.0, 0
 
     def drive(self, place: Hall, truth: Floats) -> list[tuple[Pose2, Anchor | None]]:
         """Drive along (n, 3) poses in the hall; returns at each the truth and what is claimed then."""
@@ -51,16 +51,22 @@ class Robot:
         return seen
 
     def _keyframe(self, place: Hall, T: Pose2) -> None:
-        stamp_ns = self.keyframe * SECOND_NS
-        point = PathPoint(stamp_ns, self.T_odom_base, self.path_m)
         scan = see(place.walls, T, self.rng) if self.laser else None
-        self.core.add_keyframe(point, PlacedScan(scan, scan.points.astype(np.float32)) if scan else None)
+        self.core.add_keyframe(self._point, PlacedScan(scan, scan.points.astype(np.float32)) if scan else None)
+        self.hear(place, T)
+
+    def hear(self, place: Hall, T: Pose2) -> None:
+        """Hear what is heard at a pose in a hall, and go on for a second."""
         if self.wifi:
-            readings = place.heard(T, self.rng)
-            self.core.add_wifi(stamp_ns, PlacedWifiScan("phone", point, readings, np.full(ACCESS_POINTS, np.nan)))
+            scan = PlacedWifiScan("phone", self._point, place.heard(T, self.rng), np.full(ACCESS_POINTS, np.nan))
+            self.core.add_wifi(self._point.stamp_ns, scan)
         for _ in range(GO_ON):
-            self.core.go_on(stamp_ns)
-        self.keyframe += 1
+            self.core.go_on(self._point.stamp_ns)
+        self.seconds += 1
+
+    @property
+    def _point(self) -> PathPoint:
+        return PathPoint(self.seconds * SECOND_NS, self.T_odom_base, self.path_m)
 
 
 def errors_m(seen: list[tuple[Pose2, Anchor | None]]) -> list[float]:
@@ -111,6 +117,18 @@ def test_a_robot_that_is_carried_elsewhere_is_given_up_and_found_again(building:
     carried = robot.drive(hall(), around(60.0, 20.0))
     assert max(errors_m(carried[6:])) < 0.15
     assert carried[-1][1] is not None
+
+
+def test_wifi_that_names_another_place_is_believed_after_some_metres_of_it(building: BuildingMap) -> None:
+    """The access points are those of the hall turned by half: what is heard tells of the place opposite."""
+    robot = Robot(building)
+    robot.drive(hall(), around(0.0, 12.0))
+    opposite = replace(hall(), places=np.array([LENGTH_M, WIDTH_M]) - hall().places)
+    robot.drive(opposite, around(12.0, 3.0))
+    for _ in range(6):
+        robot.hear(opposite, Pose2.of(around(14.0, 1.0)[0]))
+        assert robot.core.anchor() is not None
+    assert robot.drive(opposite, around(15.0, 5.0))[-1][1] is None
 
 
 def test_a_wrong_initial_pose_is_no_order(building: BuildingMap) -> None:
