@@ -26,10 +26,10 @@ BOUNDS_M = {
     "flat_calib3": (0.6, 0.56),
     "intel": (0.11, 0.18),
     "intel_wifi": (0.11, 0.2),
-    "killian_part": (1.1, 2.8),
-    "fr101": (0.11, 0.22),
-    "belgioioso": (0.18, 1.8),
-    "seattle": (0.057, 0.19),
+    "killian_part": (0.48, 0.57),
+    "fr101": (0.11, 0.115),
+    "belgioioso": (0.13, 1.05),
+    "seattle": (0.057, 0.137),
     "ilc_site1F1": (4.2, 4.3),
 }
 CALIBRATED_M = {"b24test2": 0.55, "b3test2": 1.0}  # final, with what b14test1 taught
