@@ -80,7 +80,7 @@ def _sharpest(points: Floats, angle: float) -> float:
         for k in range(len(sharpness)):
             tried = angle + (k - _TRIED) * step
             sharpness[k] = _sharpness(points, tried, reach, counts) + _sharpness(points, tried + QUARTER, reach, counts)
-        best = min(max(np.argmax(sharpness), 1), len(sharpness) - 2)
+        best = min(max(int(np.argmax(sharpness)), 1), len(sharpness) - 2)
         angle += (best - _TRIED) * step
     before, at, after = sharpness[best - 1], sharpness[best], sharpness[best + 1]
     bend = before - 2.0 * at + after
@@ -97,4 +97,4 @@ def _sharpness(points: Floats, angle: float, reach: float, counts: Floats) -> fl
         k = int(line)
         counts[k] += k + 1 - line
         counts[k + 1] += line - k
-    return (counts * np.sqrt(counts)).sum()
+    return float((counts * np.sqrt(counts)).sum())
