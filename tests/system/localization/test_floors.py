@@ -72,15 +72,22 @@ def test_floors_that_differ_are_told_by_the_laser_alone() -> None:
 
 @pytest.mark.parametrize("identical", [False, True])
 def test_in_an_elevator_nothing_is_claimed_and_then_the_other_floor(identical: bool) -> None:
-    before, after = part(0, 20, 5, 6, identical), part(1, 21, 0, 4, identical)
+    """Three rides: in one of seven WiFi names another place of the floor for longer, a few metres on."""
+    found_s = [found_after_a_ride(seed, identical) for seed in (20, 22, 24)]
+    assert min(found_s) > 0.0
+    assert np.median(found_s) < 10.0
+
+
+def found_after_a_ride(seed: int, identical: bool) -> float:
+    """The seconds from the end of a ride until the floor where it ends is claimed; nothing else is, meanwhile."""
+    before, after = part(0, seed, 5, 6, identical), part(1, seed + 1, 0, 4, identical)
     _, events = drive(ridden([before, after]), mapped(identical))
     assert claimed(events) == [0, 1]
     left = next(e for e in events if isinstance(e, StateChanged) and "elevator" in e.reason)
     assert left.state is State.RELOCALISING
     assert left.failure_category is FailureCategory.FLOOR_UNKNOWN
-    arrives_ns = before[-1].at_ns + RIDE_S * SECOND_NS
     again = next(e for e in events if isinstance(e, FloorChanged) and e.floor == 1)
-    assert arrives_ns < again.stamp_ns < arrives_ns + 10 * SECOND_NS
+    return (again.stamp_ns - before[-1].at_ns) / SECOND_NS - RIDE_S
 
 
 def test_a_robot_that_starts_in_an_elevator_is_found_on_the_floor_where_it_comes_out() -> None:
