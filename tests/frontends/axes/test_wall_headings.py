@@ -134,6 +134,14 @@ def test_a_bridge_five_degrees_off_the_house_before_it_does_not_pull_the_heading
     assert np.abs(driving.errors()).max() < 0.07
 
 
+def test_samples_that_may_be_of_the_wing_before_are_used_once_some_in_a_row_are_alike() -> None:
+    """Three degrees off it; the heading drifts so far before there are four that each may be of either."""
+    driving = Driving(ENABLED, lambda k: 0.3 if k < 60 else 0.36)
+    driving.drive(200)
+    assert {factor.wing for factor in driving.factors() if factor.b >= 60} == {2}
+    assert np.abs(driving.errors()).max() < 0.05
+
+
 def test_scans_that_saw_two_wings_tell_nothing() -> None:
     driving = Driving(ENABLED, lambda k: 0.3 if k % 2 else 0.35)
     driving.drive(100)
