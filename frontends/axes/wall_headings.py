@@ -53,8 +53,9 @@ class WallHeadings:
     """Adds a factor for each sample of path along which scans see walls of a wing that is known.
 
     A wing begins where some samples in a row have one direction that no other has; a sample that may be of two wings is
-    of none. A sample's sigma is learnt from how far those before it were off their wings. It counts among the graph's other
-    factors, which claim 1 / `variance_factor` times their variance, as closures find: so its own is claimed as larger.
+    of none. A sample's sigma is learnt from how far those before it were off their wings. It counts among the graph's
+    other factors, which claim 1 / `variance_factor` times their variance, as closures find: so its own is claimed as
+    larger.
     """
 
     def __init__(self, graph: PoseGraph, keyframes: Keyframes, config: WallsConfig) -> None:
