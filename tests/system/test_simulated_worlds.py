@@ -85,7 +85,7 @@ def test_the_whole_car_park_without_the_laser_where_no_wheel_slips(tmp_path: Pat
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_wifi_halves_the_error_where_the_laser_sees_two_bare_walls(seed: int, tmp_path: Path) -> None:
-    """Halves it where the direction of the walls does not tell the heading; together they are as good online, too."""
+    """Halves it where walls are not used as a compass; with both the error is bounded online, too."""
     made = simulate(World.CORRIDOR, tmp_path / "corridor", seed)
     replay_by_cli(made.recording, tmp_path / "both", "--no-rrd")
     replay_by_cli(made.recording, tmp_path / "wifi", *WITHOUT_WALLS, "--no-rrd")
