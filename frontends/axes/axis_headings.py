@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayfi.backend.graph.factors import AxisFactor, NearFactor, WallFactor, WheelFactor
+from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, WallFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion, chain, corrected_all
 from wayfi.backend.pose2 import Floats, wrap, wrap_all
@@ -136,15 +136,19 @@ class AxisHeadings:
         return bool(np.abs(wrap_all(off - off[0])).max() > self._config.leap_rad)
 
     def _restart(self, turning: tuple[float, float], poses: Floats) -> None:
-        """Start the graph from the wheels with this turn scale and bias (rad/m); from `poses` if loops are closed."""
-        if any(isinstance(factor, NearFactor) for factor in self._graph.factors().values()):
-            self._graph.restart(self._graph.calibrations(), poses)
+        """Start the graph from the wheels with this turn scale and bias (rad/m), from `poses` if more is known of them.
+
+        More is known where loops are closed, where scans were matched, and in a map.
+        """
+        graph = self._graph
+        if not self._tell_all() or graph.of_kind(NearFactor) or graph.of_kind(BetweenFactor):
+            graph.restart(graph.calibrations(), poses)
             return
-        values = self._graph.calibration_values().copy()
+        values = graph.calibration_values().copy()
         values[1:3] = turning
-        motions = [factor.motion for factor in self._graph.of_kind(WheelFactor)]
+        motions = [factor.motion for factor in graph.of_kind(WheelFactor)]
         rows = np.array([(*motion.pose.array(), motion.path_m, motion.seconds) for motion in motions])
-        self._graph.restart(values, chain(corrected_all(rows, values)))
+        graph.restart(values, chain(corrected_all(rows, values)))
 
 
 def _same_wing(direction: float, directions: Mapping[int, float]) -> tuple[int, float] | None:

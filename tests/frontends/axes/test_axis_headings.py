@@ -118,3 +118,33 @@ def test_at_the_end_a_wing_of_the_first_ones_direction_is_that_one(missed: float
     graph.settle()
     assert graph.poses()[-1, 2] == pytest.approx(0.0 if missed < 0.1 else missed, abs=0.03)
     assert {f.wing for f in graph.of_kind(AxisFactor)} == ({1, 2} if missed < 0.1 else {1, 2, 3})
+
+
+def test_what_scans_have_mapped_stays_where_the_laser_is_blind_afterwards() -> None:
+    """Four rounds that scans closed; then 100 m of wheels alone, whose axes bend what was driven by them."""
+    rng, side, rounds = np.random.default_rng(1), 40, 4
+    graph, truth, bias = PoseGraph(BackendConfig(), PRIOR), [Pose2()], 0.0
+    axes = AxisHeadings(graph, PRIOR, AxesConfig(enabled=True))
+    graph.add_keyframe(Pose2())
+    for k in range(1, rounds * 4 * side):
+        step = Pose2(STEP_M, 0.0, 0.0 if k % side else np.pi / 2)
+        truth.append(truth[-1] @ step)
+        bias += rng.normal(0.0, 0.0012)
+        graph.add_keyframe(graph.pose(k - 1) @ step)
+        graph.add(
+            WheelFactor(k - 1, k, WheelMotion(Pose2(STEP_M, 0.0, step.theta - bias * STEP_M), STEP_M, 1.0), WHEELS)
+        )
+        graph.add(BetweenFactor(k - 1, k, step, WHEELS / 25))
+        if k >= 4 * side and k % 20 == 0:
+            graph.add(BetweenFactor(k - 4 * side, k, truth[k - 4 * side].between(truth[k]), WHEELS / 25))
+        graph.update()
+    mapped = len(truth)
+    for k in range(mapped, mapped + 200):
+        motion, poses = WheelMotion(Pose2(STEP_M, 0.0, -(bias + 0.03) * STEP_M), STEP_M, 1.0), graph.poses()
+        graph.add_keyframe(Pose2.of(poses[-1]) @ motion.corrected(graph.calibration_values()))
+        graph.add(WheelFactor(k - 1, k, motion, WHEELS))
+        axes.follow(k, motion, float(WHEELS[2, 2]), poses)
+        graph.update()
+    graph.settle()
+    assert graph.of_kind(AxisFactor)
+    assert max(graph.pose(k).distance(T) for k, T in enumerate(truth)) < 0.2
