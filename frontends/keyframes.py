@@ -111,21 +111,28 @@ class Keyframes:
         return self._pieces[following - 1], last
 
     def shift(self, shift_ns: int, trajectories: Trajectories) -> dict[int, int]:
-        """Move the drive's keyframes with scans to where it was `shift_ns` later; returns the new stamps by the old."""
-        moved = {}
-        for k in range(self.first, len(self)):
-            before_ns = self[k].point.stamp_ns
-            point = trajectories.at(before_ns + shift_ns) if self[k].scan else None
-            after_last = k == self.first or (point and point.stamp_ns > self[k - 1].point.stamp_ns)
-            if point is not None and after_last:
+        """Move the drive's keyframes with scans to where it was `shift_ns` later; returns the stamps of those that did.
+
+        One that would pass its neighbour, which has no scan or would leave the known path, goes half way to it.
+        """
+        moved, own = {}, range(self.first, len(self))
+        ahead = 1 if shift_ns > 0 else -1
+        for k in own[::-ahead]:
+            stamp_ns = self[k].point.stamp_ns
+            to_ns = stamp_ns + shift_ns
+            if k + ahead in own and ahead * (self[k + ahead].point.stamp_ns - to_ns) <= 0:
+                to_ns = (stamp_ns + self[k + ahead].point.stamp_ns) // 2
+            if self[k].scan and to_ns != stamp_ns and (point := trajectories.at(to_ns)):
                 self._move(k, point)
-                moved[before_ns] = point.stamp_ns
+                moved[k] = to_ns
         return moved
 
-    def _move(self, number: int, point: PathPoint) -> None:
-        before_m = self[number].point.path_m
-        self._keyframes[number] = replace(self[number], point=point)
-        self._paths[number] += point.path_m - before_m
+    def _move(self, number: int, to: PathPoint) -> None:
+        """Move a keyframe to another place on the path; what counts along that is not known there, and stays."""
+        point = self[number].point
+        moved = point._replace(stamp_ns=to.stamp_ns, T_path_base=to.T_path_base, path_m=to.path_m)
+        self._keyframes[number] = replace(self[number], point=moved)
+        self._paths[number] += to.path_m - point.path_m
 
     def forget_oldest(self, count: int) -> None:
         """Drop the oldest `count` keyframes, fewer than there are; the others are numbered from 0 again."""

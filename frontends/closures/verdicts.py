@@ -40,12 +40,12 @@ class Verdicts:
         self._judged[judged.closure] = judged
         return judged
 
-    def move_stamps(self, moved: dict[int, int]) -> list[Event]:
-        """The verdicts on candidates of keyframes whose stamps have moved, stated anew."""
+    def move_stamps(self, stamps_ns: dict[int, int]) -> list[Event]:
+        """The verdicts on candidates of keyframes that have other stamps now, stated anew."""
         events: list[Event] = []
         for judged in list(self._judged):
-            if judged.stamp_a_ns in moved or judged.stamp_b_ns in moved:
-                a_ns = moved.get(judged.stamp_a_ns, judged.stamp_a_ns)
-                b_ns = moved.get(judged.stamp_b_ns, judged.stamp_b_ns)
+            a, b = judged.keyframe_a, judged.keyframe_b
+            if a in stamps_ns or b in stamps_ns:
+                a_ns, b_ns = stamps_ns.get(a, judged.stamp_a_ns), stamps_ns.get(b, judged.stamp_b_ns)
                 events.append(self.restate(replace(judged, stamp_a_ns=a_ns, stamp_b_ns=b_ns)))
         return events

@@ -70,8 +70,27 @@ def test_keyframes_with_scans_move_to_where_the_robot_was_later() -> None:
     for second, scan in ((0, None), (2, SCAN), (4, SCAN)):
         keyframes.append(Keyframe(PathPoint(second * SECOND_NS, Pose2(float(second)), float(second)), scan))
     moved = keyframes.shift(SECOND_NS // 2, trajectories)
-    assert moved == {2 * SECOND_NS: 5 * SECOND_NS // 2, 4 * SECOND_NS: 9 * SECOND_NS // 2}
+    assert moved == {1: 5 * SECOND_NS // 2, 2: 9 * SECOND_NS // 2}
     assert keyframes.paths_m.tolist() == [0.0, 2.5, 4.5]
+
+
+@pytest.mark.parametrize("shift_s", [-3, -2, -1, 1, 2, 3])
+def test_keyframes_that_move_keep_their_order_and_what_counts_along_the_path(shift_s: int) -> None:
+    """The drive is known for ten seconds; keyframe 3 has no scan, and stays where it is."""
+    keyframes, trajectories = Keyframes(), Trajectories()
+    points = [PathPoint(s * SECOND_NS, Pose2(float(s)), float(s), s // 5, 0.1 * s, 0.2 * s, 0.3 * s) for s in range(11)]
+    for point in points:
+        trajectories.add(point, None)
+        keyframes.append(Keyframe(point, SCAN if len(keyframes) != 3 else None))
+    stamps_ns = [keyframe.point.stamp_ns for keyframe in keyframes]
+    moved = keyframes.shift(shift_s * SECOND_NS, trajectories)
+    after_ns = [keyframe.point.stamp_ns for keyframe in keyframes]
+    assert (np.diff(after_ns) > 0).all()
+    assert (np.diff(keyframes.paths_m) > 0).all()
+    assert {k: ns for k, ns in enumerate(after_ns) if ns != stamps_ns[k]} == moved
+    assert moved
+    for keyframe, before in zip(keyframes, points, strict=True):
+        assert keyframe.point[3:] == before[3:]
 
 
 def test_a_drive_that_is_not_found_in_its_map_reaches_none_of_it() -> None:
