@@ -1,6 +1,6 @@
 """Loop closures by the laser: candidates from the estimate and from WiFi, checked, and removed if they prove wrong."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from wayfi.backend.graph.factors import BetweenFactor
 from wayfi.backend.graph.health import position_sigma
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.variance_factor import VarianceFactor
-from wayfi.backend.pose2 import Floats, Pose2
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.closures.lidar_check import (
     CheckResult,
@@ -26,6 +26,8 @@ from wayfi.frontends.lidar.lidar_config import LidarConfig
 from wayfi.frontends.maps.continuing import MapFix
 from wayfi.frontends.timer import Timer, untimed
 from wayfi.frontends.wifi.fingerprints import WifiCandidate
+
+MISPLACED = diagonal_covariance(0.5, 0.2)  # of a robot that was found by scans with a wrong mount or clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,14 +205,29 @@ class LidarCloser:
         return events
 
     def withdraw(self, reason: str) -> list[Event]:
-        """Remove every accepted closure, for `reason`, and forget what scans said: they are forgotten themselves."""
+        """Remove the drive's own closures, for `reason`, and forget what scans said: they are forgotten themselves.
+
+        The place where it was found in a map is all that holds it there: that is known less exactly from now on.
+        """
         self._search.scans_forgotten()
         self._walls.clear()
-        self._vetoed.clear()
-        numbers = sorted(self._accepted)
-        for number in numbers:
+        self._vetoed = {number for number in self._vetoed if not self._is_own(number)}
+        own = [number for number in sorted(self._accepted) if self._is_own(number)]
+        return [self._withdraw(number, reason) for number in own]
+
+    def _is_own(self, number: int) -> bool:
+        """Whether a closure is of the drive, not of the map that it goes on with."""
+        return self._verdicts[number].keyframe_b >= self._keyframes.first
+
+    def _withdraw(self, number: int, reason: str) -> ClosureJudged:
+        judged = self._verdicts[number]
+        if judged.proposed_by != "map":
             self._graph.remove(self._accepted.pop(number))
-        return [self._verdicts.change(number, Verdict.REMOVED, reason) for number in numbers]
+            return self._verdicts.change(number, Verdict.REMOVED, reason)
+        looser = replace(judged, covariance=judged.covariance + MISPLACED)
+        factor = BetweenFactor(judged.keyframe_a, judged.keyframe_b, judged.T_a_b, looser.covariance)
+        self._graph.substitute(self._accepted[number], factor)
+        return self._verdicts.restate(looser)
 
     def _close(self, proposed: _Proposed, expected: Expected, stamp_ns: int, poses: Floats) -> list[Event]:
         a, b = proposed.a, proposed.b

@@ -67,22 +67,21 @@ class ContinuedSlam(SlamCore):
         events = super().add_keyframe(point, placed)
         if self._finding is None:
             return events
-        events = [event for event in events if not isinstance(event, StateChanged)]
-        return events + self._sought(point.stamp_ns, self._finding.add_keyframe(point, placed))
+        return _without(StateChanged, events) + self._sought(point.stamp_ns, self._finding.add_keyframe(point, placed))
 
     def look(self, point: PathPoint, placed: PlacedScan) -> list[Event]:
-        """Compare a scan that was taken while the wheels stood."""
-        if self._finding:
-            self._finding.watch_for_elevators(point, placed)
-        return super().look(point, placed)
+        """Compare a scan that was taken while the wheels stood; a keyframe if it shows that the robot moved."""
+        if self._finding is None:
+            return super().look(point, placed)
+        self._finding.watch_for_elevators(point, placed)
+        return _without(StateChanged, super().look(point, placed))
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own."""
         events = super().add_wifi(stamp_ns, scan)
         if self._finding is None:
             return events
-        events = [event for event in events if not isinstance(event, FloorChanged)]
-        return events + self._sought(stamp_ns, self._finding.add_wifi(stamp_ns, scan))
+        return _without(FloorChanged, events) + self._sought(stamp_ns, self._finding.add_wifi(stamp_ns, scan))
 
     def go_on(self, stamp_ns: int) -> list[Event]:
         """Do a slice of the work that is not tied to a measurement."""
@@ -93,6 +92,17 @@ class ContinuedSlam(SlamCore):
             with self._timer("backend"):
                 self._graph.update()
         return events + self._sought(stamp_ns, self._finding.go_on(stamp_ns))
+
+    def edit(self, closure: int, restored: bool) -> list[Event]:
+        """Take an accepted closure out of the graph, or put a vetoed one back. Raises VetoError."""
+        events = super().edit(closure, restored)
+        return events if self._finding is None else _without(StateChanged, events)
+
+    def forget_scans(self, reason: str) -> list[Event]:
+        """Remove all scans so far, and what they contributed; a robot that is not found is sought by later ones."""
+        if self._finding:
+            self._finding.forget_scans(reason)
+        return super().forget_scans(reason)
 
     def _sought(self, stamp_ns: int, events: list[Event]) -> list[Event]:
         """Join the map once the robot is found; `events` are those of looking for it."""
@@ -146,3 +156,8 @@ class ContinuedSlam(SlamCore):
         T_a_b = Pose2.of(apart[a])
         in_a = covariance_in_b(found.covariance, float(self.poses[a, 2]))
         return MapFix(a, first + found.keyframe, T_a_b, in_a, np.nan, np.nan)
+
+
+def _without(kind: type, events: list[Event]) -> list[Event]:
+    """The events of a drive that is not placed in its map yet, but for those that only then are true."""
+    return [event for event in events if not isinstance(event, kind)]

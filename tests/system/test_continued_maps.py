@@ -13,8 +13,9 @@ from drives import Simulated
 from wayfi.backend.graph.health import State
 from wayfi.backend.graph.pose_graph import REBUILD_WORK, PoseGraph, UpdateSummary
 from wayfi.backend.pose2 import Floats, rigid_fit
-from wayfi.frontends.events import Event, PosePublished, Warned
+from wayfi.frontends.events import ClosureJudged, Event, PosePublished, StateChanged, Verdict, Warned
 from wayfi.frontends.maps.building_map import BuildingMap
+from wayfi.frontends.measurements import SECOND_NS, StaticTransforms
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
 from wayfi.frontends.slam_config import SlamConfig
@@ -122,3 +123,33 @@ def test_a_map_without_wifi_is_gone_on_with_by_the_laser() -> None:
         assert off_m(result, again, building, truth).max() < 0.3
     else:
         assert any("not found" in e.text for e in events if isinstance(e, Warned))
+
+
+def test_another_mount_takes_only_what_the_drive_saw_with_the_wrong_one() -> None:
+    """The loops that the map's own drive closed stay; so does where the robot is, until the map tells it again."""
+    building, truth = first_day()
+    again = drive(storey(1), ROUTE[::-1], day=1)
+    mount = next(a for a in again.arrivals if isinstance(a.measurement, StaticTransforms))
+    right = mount.measurement
+    assert isinstance(right, StaticTransforms)
+    turned = replace(
+        right.transforms[0],
+        translation_xyz=(0.4, 0.0, 0.2),
+        rotation_xyzw=(0.0, 0.0, float(np.sin(0.05)), float(np.cos(0.05))),
+    )
+    wrong = replace(mount, measurement=replace(right, transforms=(turned,)))
+    late_ns = right.stamp_ns + 50 * SECOND_NS
+    corrected = replace(mount, measurement=replace(right, stamp_ns=late_ns))
+    before = [a for a in again.arrivals if a is not mount and a.measurement.stamp_ns < late_ns]
+    after = [a for a in again.arrivals if a.measurement.stamp_ns >= late_ns]
+    result, events = estimated(replace(again, arrivals=[wrong, *before, corrected, *after]), building)
+    assert [e.text for e in events if isinstance(e, Warned)] == [
+        "the mount of 'laser' changed to (0.20 m, 0.00 m, +0.00 rad); the scans before are forgotten"
+    ]
+    removed = [e for e in events if isinstance(e, ClosureJudged) and e.verdict is Verdict.REMOVED]
+    assert removed
+    assert all(e.keyframe_b >= len(building.keyframes) for e in removed)
+    assert not any(e.state is State.LOST for e in events if isinstance(e, StateChanged))
+    off = off_m(result, again, building, truth)
+    assert np.sqrt((off**2).mean()) < 0.2
+    assert off[result.stamps_ns > late_ns + 5 * SECOND_NS].max() < 0.1
