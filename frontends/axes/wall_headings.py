@@ -142,10 +142,14 @@ class WallHeadings:
         return near + [wing for wing in self._wings[-1:] if self._is_near(samples, wing.samples, poses, _HERE_RAD)]
 
     def _is_near(self, samples: Sequence[_Sample], others: Sequence[_Sample], poses: Floats, most: float) -> bool:
-        """Whether samples may be of the same walls as others before: the heading has drifted since the last of them."""
+        """Whether samples may be of the same walls as others before: the heading has drifted since the last of them.
+
+        Where it may be any axis of the wing by now, as after an odometry that began anew, walls do not tell which.
+        """
         drift_rad2 = max(samples[0].variance - others[-1].variance, 0.0)
         gate = _SIGMAS * math.sqrt(self._mean_rad2(samples) + self._mean_rad2(others) + drift_rad2)
-        return abs(quarter(_direction(samples, poses) - _direction(others, poses))) < min(gate, most)
+        off = abs(quarter(_direction(samples, poses) - _direction(others, poses)))
+        return gate < _HERE_RAD and off < min(gate, most)
 
     def _mean_rad2(self, samples: Sequence[_Sample]) -> float:
         """The variance of the mean of samples."""

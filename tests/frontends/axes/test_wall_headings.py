@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from graphs import PRIOR, STEP
 
 from wayfi.backend.graph.backend_config import BackendConfig
@@ -45,6 +46,7 @@ class Driving:
         self.walls = WallHeadings(self.graph, self.keyframes, config)
         self.headings: list[float] = []
         self._direction, self._rng, self._truth = direction, np.random.default_rng(5), Pose2()
+        self._unknown_rad2, self._turned_at = 0.0, 0
 
     def drive(self, steps: int, variance_factor: float = 1.0, turn: Callable[[int], float] | None = None) -> None:
         for k in range(len(self.headings), len(self.headings) + steps):
@@ -58,12 +60,19 @@ class Driving:
                 matched = Pose2(STEP_M, 0.0, by + DRIFT)
                 guess = Pose2.of(poses[-1]) @ matched
                 self.graph.add_keyframe(guess)
-                self.graph.add(BetweenFactor(k - 1, k, matched, STEP / 25))
+                unseen = np.diag([0.0, 0.0, self._unknown_rad2 if k == self._turned_at else 0.0])
+                self.graph.add(BetweenFactor(k - 1, k, matched, STEP / 25 + unseen))
             self.headings.append(self._truth.theta)
             scan = scan_of(self._direction(k), self._truth.theta, self._rng)
             self.keyframes.append(Keyframe(PathPoint(k, Pose2(), k * STEP_M), scan))
-            self.walls.follow(np.vstack([poses, guess.array()]), 1e-4 + (k * DRIFT) ** 2, variance_factor)
+            variance = 1e-4 + (k * DRIFT) ** 2 + self._unknown_rad2
+            self.walls.follow(np.vstack([poses, guess.array()]), variance, variance_factor)
             self.graph.update()
+
+    def turn_unseen(self, radians: float) -> None:
+        """Turn the robot while nothing tells by how much: its heading is known to half a radian from here on."""
+        self._truth = self._truth @ Pose2(0.0, 0.0, radians)
+        self._unknown_rad2, self._turned_at = 0.25, len(self.headings)
 
     def errors(self) -> Floats:
         """(n,) rad by which the headings err."""
@@ -106,6 +115,16 @@ def test_a_robot_that_was_moved_begins_anew() -> None:
     driving.drive(60)
     assert {factor.wing for factor in driving.factors()} == {1, 2}
     assert all(factor.wing == (1 if factor.b < 60 else 2) for factor in driving.factors())
+
+
+@pytest.mark.parametrize("radians", [0.3, 1.0, 1.3])
+def test_a_robot_that_turned_unseen_takes_no_axis_for_another(radians: float) -> None:
+    driving = Driving(ENABLED)
+    driving.drive(60)
+    driving.turn_unseen(radians)
+    driving.drive(60)
+    assert all(factor.wing == (1 if factor.b < 60 else 2) for factor in driving.factors())
+    assert driving.graph.covariance(119)[2, 2] > 0.9 * 0.25
 
 
 def test_what_the_graph_claims_too_large_walls_claim_too() -> None:
