@@ -123,8 +123,8 @@ class PoseGraph:
             self._begin_rebuild(*self._requested_start)
         elif self._rebuilding is None and self._is_surprised():
             self._begin_rebuild(self.calibrations(), self._isam.poses())
-        rebuilt = self._go_on_rebuilding(work)
         try:
+            rebuilt = self._go_on_rebuilding(work)
             self._take_queued()
         except RuntimeError:
             self._begin_rebuild(self._prior.values, self._cached_poses)
@@ -177,7 +177,7 @@ class PoseGraph:
         """The state with the estimate in place of iSAM2, which cannot be pickled. No keyframe may be queued."""
         assert not self._queued_poses
         state = {name: value for name, value in vars(self).items() if name not in ("_isam", "_rebuilding")}
-        if self._rebuilding:
+        if self._rebuilding and self._requested_start is None:
             state["_requested_start"] = self._rebuilding.start
         return state | {"estimate": (self.calibrations(), self.poses()) if self.keyframes else None}
 

@@ -130,3 +130,24 @@ def test_a_rebuild_under_way_begins_again_after_a_checkpoint() -> None:
     for one in (graph, restored):
         one.settle()
     np.testing.assert_allclose(restored.poses(), graph.poses(), atol=0.02)
+
+
+def test_a_restart_asked_for_during_a_rebuild_survives_a_checkpoint() -> None:
+    """The last keyframe has two headings that fit, half a turn apart: the one it starts near stays."""
+    recorded = loops(np.array([0.0, 0.0, 0.02, 0.0]), 2)
+    graph = PoseGraph(BackendConfig(), PRIOR)
+    drive(graph, recorded, {})
+    end = graph.keyframes
+    graph.add_keyframe(graph.pose(end - 1) @ Pose2(0.5, 0.0, 0.0))
+    for turned in (1.6, -1.6):
+        graph.add(BetweenFactor(end - 1, end, Pose2(0.5, 0.0, turned), STEP))
+    graph.update()
+    graph.restart(graph.calibrations(), graph.poses())
+    graph.update(work=1)
+    assert graph.restarts
+    turned_round = graph.poses()
+    turned_round[-1, 2] += np.pi
+    graph.restart(graph.calibrations(), turned_round)
+    restored: PoseGraph = pickle.loads(pickle.dumps(graph))
+    restored.settle()
+    assert abs(restored.pose(end - 1).between(restored.pose(end)).theta) > 3.0
