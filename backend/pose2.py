@@ -41,6 +41,10 @@ class Pose2(NamedTuple):
             self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, wrap(self.theta + other.theta)
         )
 
+    def error_of(self, other: "Pose2") -> Floats:
+        """(3,) the x, y (m) and theta (rad) that `other`, in the same frame, has over this pose."""
+        return np.array([other.x - self.x, other.y - self.y, wrap(other.theta - self.theta)])
+
     def inverse(self) -> "Pose2":
         """T_b_a of this T_a_b."""
         c, s = math.cos(self.theta), math.sin(self.theta)

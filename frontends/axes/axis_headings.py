@@ -8,8 +8,9 @@ import numpy as np
 from wayfi.backend.graph.factors import AxisFactor, BetweenFactor, NearFactor, WallFactor, WheelFactor
 from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion, chain, corrected_all
-from wayfi.backend.pose2 import Floats, wrap, wrap_all
+from wayfi.backend.pose2 import Floats, wrap_all
 from wayfi.frontends.axes.building_axes import AlongAxis, BuildingAxes
+from wayfi.frontends.axes.wall_direction import quarter
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 ONE_DIRECTION_RAD = 0.1  # between axes: wheels turn by more in a wing; walls at so small an angle are rare
@@ -141,7 +142,8 @@ class AxisHeadings:
         More is known where loops are closed, where scans were matched, and in a map.
         """
         graph = self._graph
-        if not self._tell_all() or graph.of_kind(NearFactor) or graph.of_kind(BetweenFactor):
+        closed = any(isinstance(factor, NearFactor | BetweenFactor) for factor in graph.factors().values())
+        if closed or not self._tell_all():
             graph.restart(graph.calibrations(), poses)
             return
         values = graph.calibration_values().copy()
@@ -153,7 +155,7 @@ class AxisHeadings:
 
 def _same_wing(direction: float, directions: Mapping[int, float]) -> tuple[int, float] | None:
     """The wing whose axes' direction of `directions` (rad) a `direction` is, and the quarter turns (rad) in between."""
-    off = {wing: wrap(4 * (direction - other)) / 4 for wing, other in directions.items()}
+    off = {wing: quarter(direction - other) for wing, other in directions.items()}
     wing = min(off, key=lambda wing: abs(off[wing]), default=None)
     if wing is None or abs(off[wing]) > ONE_DIRECTION_RAD:
         return None

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from wayfi.backend.graph.wheel_calibration import WheelCalibration, WheelMotion
 from wayfi.backend.pose2 import Floats
+from wayfi.frontends.axes.wall_direction import QUARTER
 from wayfi.frontends.odometry.odometry_config import AxesConfig
 
 Ints = NDArray[np.int64]
 Rows = Ints | NDArray[np.bool_]
 
-QUARTER = math.pi / 2
 HEADING, BIAS, SCALE, AXES = range(4)
 _DIRECTIONS = 8  # Gaussians over the direction of the axes at first: 0.2 rad apart
 _START_RAD = 1e-3  # sigma of the heading at the start, which defines the frame

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfi.backend.graph.health import position_sigma
-from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance, wrap
+from wayfi.backend.pose2 import Floats, Pose2, between_all, diagonal_covariance
 from wayfi.frontends.closures.closure_config import ClosureConfig
 from wayfi.frontends.lidar.correlative import BLUR_SIGMAS, SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
@@ -200,6 +200,5 @@ def update_by_place(expected: Expected, place_a: Floats, place_b: Floats, sigma_
 
 def innovation_chi2(expected: Expected, measured: Pose2, covariance: Floats) -> float:
     """Squared Mahalanobis distance of `measured` T_a_b, of (3, 3) `covariance` in a's axes, from what is expected."""
-    T = expected.T_a_b
-    e = np.array([measured.x - T.x, measured.y - T.y, wrap(measured.theta - T.theta)])
+    e = expected.T_a_b.error_of(measured)
     return float(e @ np.linalg.solve(expected.covariance + covariance, e))

@@ -28,7 +28,7 @@ class CorrelativeConfig:
     cell_m: float = option(0.1, "m", "a scan's noise and the spacing of far beams; ICP refines to the centimetre")
     angle_step: float = option(0.015, "rad", "0.15 m at 10 m, which the field's blur covers")
     blur_m: float = option(0.12, "m", "how far a point may lie from a wall and still support it")
-    points: int = option(200, "", "more points change the peak's place by less than a cell")
+    points: int = option(200, "", "and up to twice as many: more change the peak's place by less than a cell")
     max_coarse_cells: int = option(600, "", "coarse cells opened before the search ends: bounds its cost")
     peak_apart_m: float = option(0.6, "m", "nearer than this, two poses are one peak")
     peak_apart_rad: float = option(0.2, "rad", "as above")

@@ -9,7 +9,7 @@ import numpy as np
 from wayfi.backend.graph.health import Health, State, worse
 from wayfi.backend.graph.wheel_calibration import WheelMotion
 from wayfi.backend.options import option
-from wayfi.backend.pose2 import Floats, Pose2, wrap
+from wayfi.backend.pose2 import Floats, Pose2
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,13 @@ UNFIT = StepJudged(Finding.UNFIT, "do not fit the map here")
 
 def unfit(guess: Pose2, T: Pose2) -> StepJudged:
     """A scan that nearly fits at `T`, where the wheels lead to `guess`: either may be right."""
-    e = error(guess, T)
+    e = guess.error_of(T)
     return StepJudged(Finding.UNFIT, UNFIT.reason, np.outer(e, e))
 
 
 def slipped(motion: WheelMotion, guess: Pose2, T: Pose2) -> StepJudged:
     """A scan at `T` from the keyframe before, where the wheels lead to `guess`: the wheels erred by all of that."""
-    e = error(guess, T)
+    e = guess.error_of(T)
     return StepJudged(Finding.SLIPPED, _disagreement(motion, T), np.outer(e, e), stands(motion.pose))
 
 
@@ -84,11 +84,6 @@ def blind(motion: WheelMotion, config: DoubtConfig) -> StepJudged:
     """A scan after some time in which nothing told of the robot's motion, where it may be in several places."""
     reason = f"fit nowhere for sure: for {motion.blind_s:.1f} s neither odometry nor scans came"
     return replace(misfit(motion, config), reason=reason)
-
-
-def error(guess: Pose2, T: Pose2) -> Floats:
-    """(3,) what `T` has over `guess`."""
-    return np.array([T.x - guess.x, T.y - guess.y, wrap(T.theta - guess.theta)])
 
 
 def misses(motion: WheelMotion, e: Floats) -> bool:

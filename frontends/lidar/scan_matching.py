@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance, wrap
+from wayfi.backend.pose2 import Floats, Pose2, diagonal_covariance
 from wayfi.frontends.lidar.correlative import SearchWindow, build_field, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.laser_points import transform_scans
@@ -113,7 +113,7 @@ def without_prior(result: IcpResult, guess: Pose2, prior: Floats, config: LidarC
     x solves P (x - guess) + I (x - z) = 0; along a direction that the scan does not constrain, z stays at x.
     """
     x = result.T_target_scan
-    off = np.array([x.x - guess.x, x.y - guess.y, wrap(x.theta - guess.theta)])
+    off = guess.error_of(x)
     kept = constrained_directions(result.information, config.degenerate_below)
     information = kept @ result.information @ kept + OPEN
     return Pose2.of(x.array() + np.linalg.solve(information, kept @ prior @ off))

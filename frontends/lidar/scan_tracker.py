@@ -15,7 +15,6 @@ from wayfi.frontends.lidar.doubt import (
     Finding,
     StepJudged,
     blind,
-    error,
     misfit,
     misses,
     slipped,
@@ -147,7 +146,7 @@ class ScanTracker:
         Wheels that are far surer than the match are believed: what somebody before the laser shows fits in many places.
         """
         doubt, T = self._lidar.doubt, match.T_submap_scan
-        e = error(guess, T)
+        e = guess.error_of(T)
         scale = min(self.covariance_scale, self._trust.initial) if misses(motion, e) else self.covariance_scale
         wheels = wheel_covariance(motion, self._odometry, scale)
         chi2 = float(e @ np.linalg.solve(wheels + match.covariance, e))
@@ -168,7 +167,7 @@ class ScanTracker:
         It follows the squared Mahalanobis distance between the two over its 3 degrees of freedom, which is 1 where
         both covariances are right.
         """
-        e = error(guess, match.T_submap_scan)
+        e = guess.error_of(match.T_submap_scan)
         expected = wheel_covariance(motion, self._odometry) + match.covariance
         scale = min(float(e @ np.linalg.solve(expected, e)) / 3, self._trust.most)
         self.covariance_scale = max(1.0, self._trust.memory * self.covariance_scale + (1 - self._trust.memory) * scale)

@@ -11,7 +11,6 @@ from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.localization.hypotheses import Hypothesis
 from wayfi.frontends.localization.local_track import LocalTrack
 from wayfi.frontends.localization.localization_config import ClaimConfig
-from wayfi.frontends.localization.map_matching import error
 from wayfi.frontends.localization.wifi_support import WifiSupport
 
 LAG = 1  # keyframes behind the newest: the scans of all hypotheses are compared over the next messages
@@ -91,7 +90,7 @@ def cluster_of(
     outside = np.delete(scores, near)
     total = float(np.logaddexp.reduce(scores[inside]))
     weights = np.exp(scores[inside] - total)
-    errors = np.array([error(here[k], here[i]) for i in inside])
+    errors = np.array([here[k].error_of(here[i]) for i in inside])
     mean = weights @ errors
     covariance = (errors - mean).T @ (weights[:, None] * (errors - mean))
     covariance += np.einsum("n,nij->ij", weights, np.array([hypotheses[i].covariance for i in inside]))

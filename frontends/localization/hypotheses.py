@@ -8,7 +8,7 @@ import numpy as np
 from wayfi.backend.pose2 import Floats, Pose2, wrap
 from wayfi.frontends.localization.local_track import KEPT, LocalTrack, moved_covariance
 from wayfi.frontends.localization.localization_config import ClaimConfig
-from wayfi.frontends.localization.map_matching import Agreement, Fix, error
+from wayfi.frontends.localization.map_matching import Agreement, Fix
 
 QUALITY_FIXES = 8  # in the mean quality, the newest ones: over fewer, now and then another building fits well
 APART_SCALE = 4.0  # of the covariance after a scan that fits apart: wheels turn by more than they admit at times
@@ -110,7 +110,7 @@ class Hypothesis:
     def _correct(self, fix: Fix) -> None:
         """Kalman update by a fix."""
         T, C = self.T_map_base, self.covariance
-        e = error(T, fix.T_map_base)
+        e = T.error_of(fix.T_map_base)
         gain = C @ np.linalg.inv(C + fix.covariance)
         updated = C - gain @ C
         self.T_map_base, self.covariance = Pose2.of(T.array() + gain @ e), 0.5 * (updated + updated.T)

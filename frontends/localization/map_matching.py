@@ -5,7 +5,7 @@ from enum import Enum
 
 import numpy as np
 
-from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, diagonal_covariance, wrap
+from wayfi.backend.pose2 import Floats, Pose2, covariance_in_b, diagonal_covariance
 from wayfi.frontends.lidar.correlative import SearchWindow, search
 from wayfi.frontends.lidar.icp import IcpResult, icp
 from wayfi.frontends.lidar.lidar_config import LidarConfig
@@ -60,7 +60,7 @@ class MapMatcher:
         fix = self.as_fix(scan, place, result)
         if not alone and np.linalg.eigvalsh(fix.covariance[:2, :2])[-1] < AMBIGUOUS_M**2:
             fix = replace(fix, covariance=fix.covariance + np.diag([AMBIGUOUS_M**2, AMBIGUOUS_M**2, 0.0]))
-        e = error(expected, fix.T_map_base)
+        e = expected.error_of(fix.T_map_base)
         chi2 = float(e @ np.linalg.solve(covariance + fix.covariance, e))
         if fix.agreement is Agreement.AGREES and chi2 > self._config.chi2:
             return replace(fix, agreement=Agreement.APART)
@@ -102,8 +102,3 @@ class MapMatcher:
         kept = constrained_directions(result.information, self._lidar.degenerate_below)
         floor = diagonal_covariance(self._config.sigma_floor_m, self._config.sigma_floor_rad)
         return np.asarray(np.linalg.inv(kept @ result.information @ kept + LOOSE) + floor)
-
-
-def error(expected: Pose2, found: Pose2) -> Floats:
-    """(3,) what a pose found has over the expected one."""
-    return np.array([found.x - expected.x, found.y - expected.y, wrap(found.theta - expected.theta)])

@@ -12,7 +12,7 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from wayfi.backend.graph.factors import BetweenFactor, Factor, NearFactor
-from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b, wrap
+from wayfi.backend.pose2 import Floats, Pose2, adjoint, covariance_in_b
 
 ENOUGH = 4  # factors of a keyframe: a map that is driven again and again keeps its size, and costs what it did
 LOOSE_INFORMATION = 1e-6  # of 1 km and 1,000 rad: the equations can be solved where factors leave a direction open
@@ -162,7 +162,5 @@ def _merged(one: BetweenFactor, other: BetweenFactor) -> BetweenFactor:
     """One factor that says what two between the same keyframes say."""
     known, added = np.linalg.inv(one.covariance), np.linalg.inv(other.covariance)
     covariance = np.linalg.inv(known + added)
-    T = other.T_a_b
-    off = np.array([T.x - one.T_a_b.x, T.y - one.T_a_b.y, wrap(T.theta - one.T_a_b.theta)])
-    pose = Pose2.of(one.T_a_b.array() + covariance @ added @ off)
+    pose = Pose2.of(one.T_a_b.array() + covariance @ added @ one.T_a_b.error_of(other.T_a_b))
     return BetweenFactor(one.a, one.b, pose, 0.5 * (covariance + covariance.T))
