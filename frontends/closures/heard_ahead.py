@@ -18,6 +18,7 @@ from wayfi.backend.graph.pose_graph import PoseGraph
 from wayfi.frontends.closures.wifi_claims import Claim, WifiClaims
 
 PRIOR_M = 0.5  # sigma of the distance: a phone's second of delay on a slow robot; shading was seen to make 0.3 to 0.7
+MOST_M = 3 * PRIOR_M  # where the slope hardly changes, its line leads anywhere
 
 
 def learn_heard_ahead(graph: PoseGraph, claims: WifiClaims) -> bool:
@@ -34,7 +35,7 @@ def learn_heard_ahead(graph: PoseGraph, claims: WifiClaims) -> bool:
     graph.settle()
     probed_slope, _ = _slope(graph, claims)
     least_m = first_m + (probed_m - first_m) * slope / (slope - probed_slope) if slope != probed_slope else first_m
-    _hear(graph, claims, least_m)
+    _hear(graph, claims, min(max(least_m, -MOST_M), MOST_M))
     return True
 
 

@@ -42,7 +42,7 @@ class IcpConfig:
     extent_m: float = option(
         0.06, "m", "of wall on each side of a point: as far as thinned points are apart, where beams are not further"
     )
-    correlated_points: float = option(8.0, "", "neighbouring beams err together: so many count as one")
+    correlated_points: float = option(8.0, "1", "neighbouring beams err together: so many count as one")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,12 +24,12 @@ class AxesConfig:
     enabled: bool = option(True, "", "false in round halls, where a wide circle is taken for a corridor at first")
     sample_m: float = option(2.0, "m", "of path to one sample: over it a robot that avoids something has come back")
     sigma_rad: float = option(0.1, "rad", "by which a sample's heading differs from its axis: 0.2 m to a side in 2 m")
-    share_along: float = option(0.5, "", "of samples along an axis, at first; then it is learnt")
-    most_along: float = option(0.9, "", "of that share: every robot goes round something")
+    share_along: float = option(0.5, "share", "of samples along an axis, at first; then it is learnt")
+    most_along: float = option(0.9, "share", "of that share: every robot goes round something")
     turning_rad: float = option(0.35, "rad", "within a sample: a robot that turns says nothing of axes")
     memory_samples: float = option(50.0, "samples", "over which that share is learnt: a floor of a building")
-    share_other_wing: float = option(0.002, "", "of samples that begin a wing at an angle: one in 1 km")
-    share_slip: float = option(0.01, "", "of samples before which the wheels slipped sideways: one in 100 m")
+    share_other_wing: float = option(0.002, "share", "of samples that begin a wing at an angle: one in 1 km")
+    share_slip: float = option(0.01, "share", "of samples before which the wheels slipped sideways: one in 100 m")
     slip_rad: float = option(0.3, "rad", "by which they turned the robot then, at random")
     walk_rad_per_m: float = option(0.0005, "rad/m per sqrt(m)", "of the turn bias: real robots need this to 0.002")
     min_evidence: float = option(7.0, "", "nats for axes, before one is believed: 1,000 to 1")
@@ -79,7 +79,9 @@ class OdometryConfig:
     spin_doubted_m: float = option(
         0.1, "m", "of a wheel's excess that the laser has to see, for half of what is learnt"
     )
-    share_spins: float = option(0.001, "", "of the times that the wheels are faster for a while, at first: it is rare")
+    share_spins: float = option(
+        0.001, "share", "of the times that the wheels are faster for a while, at first: it is rare"
+    )
     sigma_restart_m: float = option(
         1.0, "m", "a robot that was pushed aside while nothing ran, and its odometry began anew"
     )

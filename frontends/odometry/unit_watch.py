@@ -36,7 +36,9 @@ class UnitWatch:
     def _speed_of_all_m_s(self, stamp_ns: int, pose: Pose2) -> float:
         """The mean speed of the last steps if no robot has it in m/s, and any in mm/s; else 0."""
         recent = self._recent
-        if recent and (pose.distance(recent[-1][1]) == 0.0 or stamp_ns <= recent[-1][0]):
+        if recent and stamp_ns < recent[-1][0]:
+            recent.clear()  # the clock was set, or the stamp before was wrong
+        if recent and (pose.distance(recent[-1][1]) == 0.0 or stamp_ns == recent[-1][0]):
             return 0.0
         recent.append((stamp_ns, pose))
         steps = [((b[0] - a[0]) * NANOSECOND_S, a[1].distance(b[1])) for a, b in pairwise(recent)]

@@ -47,6 +47,7 @@ def config_of(values: Mapping[str, Any]) -> Config:
 
 
 SIGNED_UNIT = "dBm"  # a logarithm: of other units, settings are above zero
+SHARE_UNIT = "share"  # of a whole, of which there is some and not all
 
 
 def _refuse_impossible(section: Any, path: str) -> None:  # noqa: ANN401 - any section
@@ -63,8 +64,8 @@ def _complaint(name: str, value: Any, unit: str) -> str | None:  # noqa: ANN401 
     entries = value if isinstance(value, list) else [value]
     if not all(math.isfinite(entry) for entry in entries if isinstance(entry, float)):
         return "finite"
-    if isinstance(value, int | float) and unit not in ("", SIGNED_UNIT) and value <= 0:
-        return f"above zero, in {unit}"
+    if isinstance(value, int | float) and (complaint := _out_of_range(value, unit)):
+        return complaint
     if name == "port" and not 0 < value < 65536:
         return "from 1 to 65535"
     if name == "scan" and isinstance(value, list) and not (all(value) and 0 < len(value) == len(set(value))):
@@ -73,6 +74,17 @@ def _complaint(name: str, value: Any, unit: str) -> str | None:  # noqa: ANN401 
         return "empty or three numbers, x, y, theta"
     if not all(_is_unicode(entry) for entry in entries if isinstance(entry, str)):
         return "Unicode text"
+    return None
+
+
+def _out_of_range(value: float, unit: str) -> str | None:
+    """What a number must be, where it is not; one without a unit counts or compares, and may be zero."""
+    if unit == SHARE_UNIT and not 0 < value < 1:
+        return "a share, above 0 and below 1"
+    if unit == "" and value < 0:
+        return "zero or above"
+    if unit not in ("", SIGNED_UNIT) and value <= 0:
+        return f"above zero, in {unit}"
     return None
 
 

@@ -39,3 +39,11 @@ def test_single_leaps_and_two_sources_in_turn_are_no_millimetres() -> None:
 
 def test_a_unit_that_is_configured_is_taken_from_the_first_pose_on() -> None:
     assert converted(UnitWatch(0.001), [Pose2(100.0 * k, 0.0, 0.3) for k in range(30)]) == (Pose2(2.9, 0.0, 0.3), [])
+
+
+def test_a_stamp_far_ahead_leaves_the_steps_after_it_to_tell() -> None:
+    watch, told = UnitWatch(1.0), []
+    for k in range(STEPS + 5):
+        stamp_ns = k * SECOND_NS // 10 + (3600 * SECOND_NS if k == 1 else 0)
+        told.append(watch.convert(stamp_ns, Pose2(50.0 * k, 0.0, 0.0))[1])
+    assert sum(bool(text) for text in told) == 1

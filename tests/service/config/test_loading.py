@@ -97,6 +97,7 @@ def test_a_file_that_is_missing_or_no_toml_is_refused_by_name(tmp_path: Path) ->
         *("lidar.cell_m=0.0", "map.resolution_m=-1.0", "lidar.icp.sigma_m=nan", "lidar.mount=[1.0, 2.0]"),
         *("lidar.mount=[1.0, inf, 0.0]", "recording.directory=a\udcff", 'zenoh.listen=["\udcff"]'),
         *("zenoh.odom_queue=0", "zenoh.scan_queue=-1", "rerun.port=0", "rerun.port=65536"),
+        *("odometry.share_spins=0.0", "odometry.axes.share_along=1.0", "lidar.walls.min_share=-0.1"),
     ],
 )
 def test_a_value_that_nothing_could_run_with_is_refused_by_name(setting: str) -> None:

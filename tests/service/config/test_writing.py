@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfi.service.config import Config, config_dict, config_of, config_toml, load_config
+from wayfi.service.config.loading import SHARE_UNIT, SIGNED_UNIT
 
 TEXT = st.text(max_size=20)
 AWKWARD = "a\nb\r\n\t\"c\" 'd' \\ \x00 \x1f \x7f \x85 \u2028 \U0001f916 # [x] = ''' \"\"\""
@@ -22,11 +23,12 @@ def values_of(path: str, field: Any, default: Any) -> st.SearchStrategy[Any]:  #
         "zenoh.ros": st.sampled_from(["none", "bridge", "rmw"]),
         "zenoh.ros_domain": st.integers(0, 232),
     }
-    least = 0 if field.metadata["unit"] else None
+    least, most = {SIGNED_UNIT: (None, None), SHARE_UNIT: (0.0, 1.0)}.get(field.metadata["unit"], (0.0, None))
+    ends = {"exclude_min": least is not None, "exclude_max": most is not None}
     by_type = {
         bool: st.booleans(),
         int: st.integers(1, 2**62),
-        float: st.floats(least, exclude_min=least is not None, allow_nan=False, allow_infinity=False),
+        float: st.floats(least, most, **ends, allow_nan=False, allow_infinity=False),
         str: TEXT,
         list: st.lists(TEXT, max_size=3),
     }
