@@ -74,7 +74,9 @@ class ContinuedSlam(SlamCore):
         if self._finding is None:
             return super().look(point, placed)
         self._finding.watch_for_elevators(point, placed)
-        return _without(StateChanged, super().look(point, placed))
+        before = self.keyframe_count
+        events = super().look(point, placed)
+        return events if self.keyframe_count > before else _without(StateChanged, events)
 
     def add_wifi(self, stamp_ns: int, scan: PlacedWifiScan) -> list[Event]:
         """Add a WiFi scan at `stamp_ns`, no earlier than its own."""

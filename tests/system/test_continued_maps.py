@@ -12,13 +12,21 @@ from drives import Simulated
 
 from wayfi.backend.graph.health import State
 from wayfi.backend.graph.pose_graph import REBUILD_WORK, PoseGraph, UpdateSummary
-from wayfi.backend.pose2 import Floats, rigid_fit
+from wayfi.backend.pose2 import Floats, Pose2, rigid_fit
+from wayfi.frontends.calibration import Calibration
 from wayfi.frontends.events import ClosureJudged, Event, PosePublished, StateChanged, Verdict, Warned
+from wayfi.frontends.keyframes import Keyframe
 from wayfi.frontends.maps.building_map import BuildingMap
 from wayfi.frontends.measurements import SECOND_NS, StaticTransforms
+from wayfi.frontends.modes.continued_slam import ContinuedSlam
+from wayfi.frontends.odometry.driven_path import PathPoint
+from wayfi.frontends.odometry.odometry_config import calibration_prior
 from wayfi.frontends.pipeline import Pipeline
 from wayfi.frontends.result import DriveEstimate
+from wayfi.frontends.scan_points import PlacedScan, ScanPoints
+from wayfi.frontends.slam import SlamCore
 from wayfi.frontends.slam_config import SlamConfig
+from wayfi.frontends.timer import untimed
 
 CONFIG = SlamConfig()
 
@@ -153,3 +161,20 @@ def test_another_mount_takes_only_what_the_drive_saw_with_the_wrong_one() -> Non
     off = off_m(result, again, building, truth)
     assert np.sqrt((off**2).mean()) < 0.2
     assert off[result.stamps_ns > late_ns + 5 * SECOND_NS].max() < 0.1
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_what_the_unplaced_drive_claims_of_itself_is_not_told(moved: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the robot stands and is sought: but what a keyframe tells is of looking for it."""
+    building, _ = first_day()
+    core = ContinuedSlam(CONFIG, Calibration(calibration_prior(CONFIG.odometry), {}), untimed, building)
+    told = StateChanged(0, State.TRACKING, "position known to 0.00 m")
+
+    def look(core: SlamCore, point: PathPoint, _: PlacedScan) -> list[Event]:
+        if moved:
+            core.keyframes.append(Keyframe(point, None))
+        return [told]
+
+    monkeypatch.setattr(SlamCore, "look", look)
+    scan = PlacedScan(ScanPoints(np.ones((1, 2)), np.ones((1, 2)), Pose2()), np.ones((1, 2), np.float32))
+    assert core.look(PathPoint(0, Pose2(), 0.0), scan) == ([told] if moved else [])
